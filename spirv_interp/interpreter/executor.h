@@ -1,0 +1,76 @@
+// What an executor of lane IR is given and what it promises. The interpreter implements it; the JIT will.
+//
+// A *row* is an array of one element per lane, padded to a multiple of 64 bytes by whoever allocates it
+// (executors may read and write whole vectors up to kMaxLanes elements).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "base/result.h"
+#include "spirv_interp/ir/ir.h"
+#include "spirv_interp/ir/passes.h"
+
+namespace pumice::interp {
+
+//! Longest row. 128 lanes of f32 with a register file of 13 to 26 KiB measured best (64 of f64).
+constexpr uint32_t kMaxLanes = 128;
+
+struct Table {
+  const std::byte* data = nullptr;
+  uint64_t size = 0;
+};
+using Tables = Table[ir::kTableCount];
+
+//! One plane of an attachment, in 4x4-block memory (texture/layout.h). A quad's four elements are contiguous.
+struct TilePlane {
+  std::byte* base = nullptr;
+  const uint32_t* quadElement = nullptr;  //!< per quad of the row: element index of its first pixel
+};
+constexpr uint32_t kMaxTilePlanes = 160;  //!< (8 colours + depth + stencil) x 16 samples
+
+//! Everything one run over a row needs. Plain data; owned by the caller.
+struct ExecContext {
+  uint32_t lanes = 0;                               //!< 1..kMaxLanes; a multiple of 4 when the routine uses quads
+  uint64_t active[kMaxLanes / 64] = {};             //!< bit per lane: active at the start
+  const void* const* inputs = nullptr;              //!< rows by input slot
+  void* const* outputs = nullptr;                   //!< rows by output slot
+  const Table* tables = nullptr;                    //!< kTableCount tables
+  const std::byte* const* quadRecords = nullptr;    //!< per quad: the record QuadLoad reads
+  const TilePlane* tilePlanes = nullptr;
+  std::byte* shared = nullptr;                      //!< work-group memory
+  uint64_t sharedBytes = 0;
+};
+
+//! Draw-rate values, computed once per draw by the preamble. Read-only during run().
+class UniformBank {
+ public:
+  std::unique_ptr<uint64_t[]> slots;   //!< 8 bytes per value (masks: 0 or 1)
+};
+
+//! An executable routine. Immutable after compilation; run() may be called from many threads at once.
+class Executable {
+ public:
+  virtual ~Executable() = default;
+  //! Computes the draw-rate values. Tables must stay valid until the last run() with this bank.
+  virtual UniformBank preamble(const Table* tables) const = 0;
+  virtual void run(const UniformBank& bank, const ExecContext& context) const = 0;
+  //! For statistics and tests.
+  virtual size_t instructionCount() const = 0;
+  virtual size_t preambleInstructionCount() const = 0;
+  virtual size_t registerBytes() const = 0;
+};
+
+struct CompileOptions {
+  ir::Numerics numerics = ir::Numerics::F32;
+};
+
+//! Interpreter. The function must verify() and hold no abstract operations; high-level math is lowered here
+//! (on a copy) by ir::lowerMath. Errors: an operation without a kernel for its type, too many rows.
+Result<std::unique_ptr<Executable>> compileInterpreter(const ir::Function& f, const CompileOptions& options);
+
+//! Name of the instruction set the kernels use on this machine ("AVX3", "AVX2", "SSE4", ...; PUMICE_ISA forces a lower one).
+const char* interpreterTarget();
+
+}  // namespace pumice::interp

@@ -1,0 +1,45 @@
+// Passes over lane IR. The order is one list, in passes.cpp (`kOptimise`). No pass changes a value's bits:
+// no x+0, no x*0, no reassociation. Contraction (fma) is the frontend's alone.
+#pragma once
+
+#include <functional>
+
+#include "spirv_interp/ir/builder.h"
+
+namespace pumice::ir {
+
+//! Constant folding, forwarding of variables within regions, common subexpressions, dead code, rates.
+//! Leaves high-level and abstract operations as they are.
+void optimise(Function& f);
+
+//! Sets Inst::rate of every instruction. Constant and Draw values do not depend on the lane: the executors
+//! compute them once per draw in the preamble (only pure operations at the top level or speculatively safe
+//! ones: TableLoad and LoadConst are bounded, so hoisting them is safe).
+void computeRates(Function& f);
+
+enum class Numerics : uint8_t { F32, Oracle };
+
+//! The last pass: replaces the high-level float operations (fexp2, fsin, frsqrt, ...) by sequences of plain ones,
+//! one lowering per number type.
+void lowerMath(Function& f, Numerics numerics);
+
+//! Gives values for the abstract operations of shader IR (ShaderInput, ShaderOutput, Builtin, Descriptor,
+//! ImageOp, Demote, HelperMask) while a shader is copied into a routine.
+class Expander {
+ public:
+  virtual ~Expander() = default;
+  virtual Value shaderInput(Builder&, Type, uint32_t variable, uint32_t component, std::span<const Value> operands) = 0;
+  virtual void shaderOutput(Builder&, uint32_t variable, uint32_t component, Value value, std::span<const Value> operands) = 0;
+  virtual Value builtin(Builder&, Type, uint32_t spvBuiltIn, uint32_t component) = 0;
+  struct Buffer { Value base, size; };
+  virtual Buffer descriptor(Builder&, uint32_t resource, Value arrayElement) = 0;
+  //! Component values of the result (empty for writes). They replace `tuple.get` of the operation.
+  virtual std::vector<Value> image(Builder&, const ImageOpInfo&, std::span<const Value> operands) = 0;
+  virtual void demote(Builder&) = 0;
+  virtual Value helperMask(Builder&) = 0;
+};
+
+//! Copies the body of `shader` to the end of the builder's function, calling the expander for abstract operations.
+void inlineShader(Builder& into, const Function& shader, Expander& expander);
+
+}  // namespace pumice::ir
