@@ -14,6 +14,8 @@
 
 namespace pumice::interp {
 
+using base::Result;
+
 //! Longest row. 128 lanes of f32 with a register file of 13 to 26 KiB measured best (64 of f64).
 constexpr uint32_t kMaxLanes = 128;
 

@@ -85,8 +85,10 @@ class Builder {
   Value loadConst(Type t, Value base, Value offset, Value size, uint32_t constOffset = 0) { return emit(Op::LoadConst, t, {base, offset, size}, constOffset); }
   void store(Value base, Value offset, Value size, Value v, uint32_t constOffset = 0) { emit(Op::Store, Type::None, {base, offset, size, v}, constOffset); }
   Value quadLoad(Type t, uint32_t byteOffset) { return emit(Op::QuadLoad, t, {}, byteOffset); }
-  Value tileLoad(Type t, uint32_t plane, uint32_t byteOffset) { return emit(Op::TileLoad, t, {}, uint64_t(plane) << 32 | byteOffset); }
-  void tileStore(uint32_t plane, uint32_t byteOffset, Value v) { emit(Op::TileStore, Type::None, {v}, uint64_t(plane) << 32 | byteOffset); }
+  //! elementBytes: size of the plane's elements; byteOffset: of the value within its element.
+  static constexpr uint64_t tileImm(uint32_t plane, uint32_t elementBytes, uint32_t byteOffset) { return uint64_t(plane) << 32 | elementBytes << 16 | byteOffset; }
+  Value tileLoad(Type t, uint32_t plane, uint32_t elementBytes, uint32_t byteOffset) { return emit(Op::TileLoad, t, {}, tileImm(plane, elementBytes, byteOffset)); }
+  void tileStore(uint32_t plane, uint32_t elementBytes, uint32_t byteOffset, Value v) { emit(Op::TileStore, Type::None, {v}, tileImm(plane, elementBytes, byteOffset)); }
 
   // Control flow
   void beginIf(Value m);
