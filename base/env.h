@@ -1,0 +1,44 @@
+// Every environment variable that Pumice reads, in one table; nothing else in the tree calls getenv().
+// A test compares the table in README.md with this one.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+namespace pumice::base {
+
+// X(id, name, values, default, description)
+#define PUMICE_ENV_LIST(X)                                                                        \
+  X(Log, "PUMICE_LOG", "off, error, warn, info, debug", "error", "how much is written to stderr") \
+  X(Threads, "PUMICE_THREADS", "1 to 1024", "what the process may use",                           \
+    "number of threads that draw, the one that asks included")
+
+enum class EnvVar : int {
+#define PUMICE_ENV_ID(id, name, values, fallback, description) id,
+  PUMICE_ENV_LIST(PUMICE_ENV_ID)
+#undef PUMICE_ENV_ID
+};
+
+struct EnvInfo {
+  const char* name;
+  const char* values;       // what it may be set to, for people
+  const char* fallback;     // what holds when it is not set, for people
+  const char* description;
+};
+
+// In the order of EnvVar.
+std::span<const EnvInfo> envTable();
+const EnvInfo& envInfo(EnvVar variable);
+
+// The variable's text; nothing if it is unset or empty (or the process runs with raised privileges).
+std::optional<std::string> envString(EnvVar variable);
+
+// A decimal number in [lowest, highest]; anything else is logged as an error and counts as unset.
+std::optional<int64_t> envInteger(EnvVar variable, int64_t lowest, int64_t highest);
+
+// 1/on/true/yes or 0/off/false/no; anything else is logged as an error and counts as unset.
+bool envFlag(EnvVar variable, bool fallback);
+
+}  // namespace pumice::base
