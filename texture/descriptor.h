@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "texture/keys.h"
 #include "texture/layout.h"
 
 namespace pumice::texture {
@@ -30,23 +31,23 @@ struct ImageDescriptor {
   uint32_t layerCount = 0;
   uint32_t levelCount = 0;
   uint32_t samples = 0;
-  uint32_t viewKey = 0;       //!< index in the device's table of ViewKeys
-  uint32_t minLod = 0;        //!< f32 bits
+  float minLod = 0;
+  ViewKey key;                //!< selects code: read by the draw, not by routines
 };
-static_assert(sizeof(ImageDescriptor) == 72);
+static_assert(sizeof(ImageDescriptor) == 80);
 
 struct SamplerDescriptor {
   float border[4] = {};       //!< colour, already in the numeric type of the sampler's border (bits for integer ones)
   float minLod = 0, maxLod = 0, lodBias = 0, maxAnisotropy = 1;
-  uint32_t samplerKey = 0;    //!< index in the device's table of SamplerKeys
-  uint32_t padding[7] = {};
+  SamplerKey key;             //!< selects code: read by the draw, not by routines
+  uint32_t padding[4] = {};
 };
 static_assert(sizeof(SamplerDescriptor) == 64);
 
 //! One element of a binding: stride is fixed by the descriptor type.
 struct CombinedDescriptor {
   ImageDescriptor image;
-  uint32_t padding[14] = {};
+  uint32_t padding[12] = {};
   SamplerDescriptor sampler;
 };
 static_assert(sizeof(CombinedDescriptor) == 192 && offsetof(CombinedDescriptor, sampler) == 128);
