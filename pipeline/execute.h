@@ -1,0 +1,94 @@
+// Execution of render passes, draws and dispatches: called by the queue's thread, uses the pool.
+#pragma once
+
+#include "base/threads.h"
+#include "pipeline/pipeline.h"
+#include "raster/primitive.h"
+#include "texture/transfer.h"
+
+namespace pumice::pipeline {
+
+//! State of the command buffer at a draw: captured values, no Vulkan objects. Pointers stay valid until the pass ends.
+struct DrawState {
+  std::shared_ptr<GraphicsPipeline> pipeline;
+  VkViewport viewport{};                       //!< resolved: static or dynamic
+  VkRect2D scissor{};
+  float lineWidth = 1;
+  float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0;
+  float blendConstants[4] = {};
+  float depthBounds[2] = {0, 1};
+  uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};
+  VertexBufferRef vertexBuffers[kMaxVertexBindings];
+  uint64_t indexBase = 0, indexSize = 0;       //!< address, bytes
+  VkIndexType indexType = VK_INDEX_TYPE_UINT16;
+  const std::byte* setMemory[ir::kMaxDescriptorSets] = {};
+  uint64_t setSize[ir::kMaxDescriptorSets] = {};
+  uint32_t dynamicOffsets[kMaxDynamicOffsets] = {};
+  std::byte push[kMaxPushBytes] = {};
+};
+
+struct DrawParams {
+  bool indexed = false;
+  uint32_t count = 0;              //!< vertices or indices
+  uint32_t instanceCount = 1;
+  uint32_t first = 0;              //!< firstVertex or firstIndex
+  int32_t vertexOffset = 0;
+  uint32_t firstInstance = 0;
+  uint32_t drawIndex = 0;
+};
+
+//! An attachment of a pass: one level and a run of layers of an image (a view's format may differ from the image's).
+struct Attachment {
+  texture::ImageMemory memory;     //!< layout null: unused
+  VkFormat format = VK_FORMAT_UNDEFINED;
+  uint32_t level = 0, baseLayer = 0, layerCount = 1;
+  VkAttachmentLoadOp loadOp = VK_ATTACHMENT_LOAD_OP_LOAD, stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+  VkAttachmentStoreOp storeOp = VK_ATTACHMENT_STORE_OP_STORE, stencilStoreOp = VK_ATTACHMENT_STORE_OP_STORE;
+  VkClearValue clear{};
+};
+
+//! One subpass (or dynamic rendering scope).
+struct PassBegin {
+  VkRect2D renderArea{};
+  uint32_t width = 0, height = 0, layers = 1;   //!< framebuffer
+  Attachment color[kMaxColorAttachments];
+  Attachment resolve[kMaxColorAttachments];     //!< same index as color
+  uint32_t colorCount = 0;
+  Attachment depthStencil;
+};
+
+//! PUMICE_STATS counters of a pass.
+struct PassCounters {
+  uint64_t draws = 0, verticesShaded = 0, verticesReused = 0, primitives = 0, fragmentsShaded = 0, quads = 0, tilesTouched = 0, samplesPassed = 0;
+  raster::SetupCounters setup;
+};
+
+//! Collects draws until end(), then finishes them tile by tile. One per queue; re-used from pass to pass.
+class PassExecutor {
+ public:
+  explicit PassExecutor(base::ThreadPool& pool);
+  ~PassExecutor();
+  void begin(const PassBegin& pass);
+  void draw(const DrawState& state, const DrawParams& params);
+  //! vkCmdClearAttachments
+  void clear(const VkClearAttachment& attachment, const VkClearRect& rect);
+  //! Adds the samples that pass depth and stencil tests from here to the matching endOcclusion() to *counter (at end()).
+  void beginOcclusion(uint64_t* counter);
+  void endOcclusion();
+  void end();
+  const PassCounters& counters() const;   //!< of the last finished pass
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+struct DispatchState {
+  std::shared_ptr<ComputePipeline> pipeline;
+  const std::byte* setMemory[ir::kMaxDescriptorSets] = {};
+  uint64_t setSize[ir::kMaxDescriptorSets] = {};
+  uint32_t dynamicOffsets[kMaxDynamicOffsets] = {};
+  std::byte push[kMaxPushBytes] = {};
+};
+void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t baseGroup[3], const uint32_t groupCount[3]);
+
+}  // namespace pumice::pipeline

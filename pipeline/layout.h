@@ -1,0 +1,67 @@
+// Where descriptors and draw constants lie in memory: the border between icd/ (which writes them) and routines.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <vector>
+
+#include "spirv_interp/ir/ir.h"
+#include "texture/descriptor.h"
+
+namespace pumice::pipeline {
+
+struct Binding {
+  VkDescriptorType type = VK_DESCRIPTOR_TYPE_MAX_ENUM;
+  uint32_t count = 0;
+  uint32_t offset = 0;          //!< bytes in set memory
+  uint32_t stride = 0;          //!< texture::descriptorStride(type)
+  uint32_t dynamicIndex = 0;    //!< first dynamic offset of this binding within its set (dynamic buffer types)
+  VkShaderStageFlags stages = 0;
+  std::vector<texture::SamplerDescriptor> immutableSamplers;
+};
+
+struct SetLayout {
+  std::map<uint32_t, Binding> bindings;
+  uint32_t size = 0;            //!< bytes of set memory
+  uint32_t dynamicCount = 0;
+};
+
+struct Layout {
+  std::vector<SetLayout> sets;               //!< copies: layouts may be destroyed before pipelines
+  std::vector<uint32_t> dynamicBase;         //!< per set: index of its first dynamic offset in DrawConstants
+  uint32_t pushBytes = 0;
+  const Binding* find(uint32_t set, uint32_t binding) const {
+    if (set >= sets.size()) return nullptr;
+    auto it = sets[set].bindings.find(binding);
+    return it == sets[set].bindings.end() ? nullptr : &it->second;
+  }
+};
+
+constexpr uint32_t kMaxPushBytes = 256;
+constexpr uint32_t kMaxDynamicOffsets = 32;   //!< maxDescriptorSet{Uniform,Storage}BuffersDynamic together
+constexpr uint32_t kMaxVertexBindings = 32;
+constexpr uint32_t kMaxVertexAttributes = 32;
+constexpr uint32_t kMaxColorAttachments = 8;
+
+struct VertexBufferRef { uint64_t base = 0, size = 0; };
+
+//! The memory behind ir::kTableDraw. Routines read it with UniformInput.
+struct DrawConstants {
+  int32_t vertexOffset = 0;          //!< BaseVertex
+  uint32_t firstVertex = 0;
+  uint32_t firstInstance = 0;
+  uint32_t drawIndex = 0;
+  uint32_t viewIndex = 0;
+  uint32_t groupCount[3] = {};       //!< dispatch: NumWorkgroups
+  uint32_t baseGroup[3] = {};
+  uint32_t samples = 1;
+  float blendConstants[4] = {};
+  float minDepth = 0, maxDepth = 1;  //!< viewport
+  uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};   //!< front, back
+  float depthBounds[2] = {0, 1};
+  uint32_t dynamicOffsets[kMaxDynamicOffsets] = {};
+  VertexBufferRef vertexBuffers[kMaxVertexBindings];
+  uint32_t vertexStrides[kMaxVertexBindings] = {};
+};
+
+}  // namespace pumice::pipeline

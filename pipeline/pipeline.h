@@ -1,0 +1,62 @@
+// Pipelines as the executors of draws see them, made from Vulkan create-info structs but owning everything they need.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "base/result.h"
+#include "pipeline/layout.h"
+#include "spirv_interp/frontend/shader.h"
+
+namespace pumice::pipeline {
+
+//! Which state comes from the command buffer. Bit n = VkDynamicState n for the core ones (0..8).
+using DynamicStates = uint32_t;
+
+//! Fixed-function state of a graphics pipeline; plain values, no pointers into the application's memory.
+struct GraphicsState {
+  std::vector<VkVertexInputBindingDescription> vertexBindings;
+  std::vector<VkVertexInputAttributeDescription> vertexAttributes;
+  VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+  bool primitiveRestart = false;
+  bool rasterizerDiscard = false, depthClamp = false, depthBias = false;
+  VkPolygonMode polygonMode = VK_POLYGON_MODE_FILL;
+  VkCullModeFlags cullMode = 0;
+  VkFrontFace frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
+  float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0, lineWidth = 1;
+  VkViewport viewport{};               //!< static ones
+  VkRect2D scissor{};
+  uint32_t samples = 1;
+  uint32_t sampleMask = ~0u;
+  bool sampleShading = false, alphaToCoverage = false, alphaToOne = false;
+  float minSampleShading = 0;
+  bool depthTest = false, depthWrite = false, depthBoundsTest = false, stencilTest = false;
+  VkCompareOp depthCompare = VK_COMPARE_OP_ALWAYS;
+  VkStencilOpState stencilFront{}, stencilBack{};
+  float minDepthBounds = 0, maxDepthBounds = 1;
+  bool logicOpEnable = false;
+  VkLogicOp logicOp = VK_LOGIC_OP_COPY;
+  std::vector<VkPipelineColorBlendAttachmentState> blend;
+  float blendConstants[4] = {};
+  VkFormat colorFormats[kMaxColorAttachments] = {};   //!< UNDEFINED where the subpass has no attachment
+  uint32_t colorCount = 0;
+  VkFormat depthStencilFormat = VK_FORMAT_UNDEFINED;
+  DynamicStates dynamic = 0;
+};
+
+struct StageSource {
+  std::shared_ptr<const frontend::Shader> shader;   //!< null where the stage is absent
+};
+
+//! Variants by routine key live inside; safe to use from several threads. Kept alive by command buffers in flight.
+class GraphicsPipeline;
+Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
+                                                                 std::shared_ptr<const frontend::Shader> vertex,
+                                                                 std::shared_ptr<const frontend::Shader> fragment);
+const GraphicsState& graphicsState(const GraphicsPipeline& pipeline);
+
+class ComputePipeline;
+Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader);
+
+}  // namespace pumice::pipeline

@@ -1,0 +1,90 @@
+// From post-vertex positions to primitives that can be rasterized: assembly, clipping, culling, setup in
+// fixed point, planes in double.
+//
+// Exactness (docs/architecture.md): vertices snap to 8 sub-pixel bits; edge functions are exact integers; the
+// top-left rule decides ties, so shared edges are watertight and never doubled; clip intersections are computed
+// in one canonical edge direction, so neighbours agree. Clipping is only against w, near/far and the guard band.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include <vulkan/vulkan_core.h>
+
+#include "base/arena.h"
+
+namespace pumice::raster {
+
+constexpr int kSubpixelBits = 8;
+constexpr int kSubpixelOne = 1 << kSubpixelBits;
+constexpr uint32_t kGridCell = 64;          //!< pixels: planes are re-based to the corner of this fixed framebuffer grid
+constexpr uint32_t kMaxVaryings = 128;      //!< scalar components between vertex and fragment stage
+constexpr uint32_t kMaxViewports = 1;
+
+enum class VaryingMode : uint8_t { Perspective, Linear, Flat };
+
+//! One scalar that the fragment routine really reads.
+struct Varying {
+  uint16_t vertexRow;        //!< row of VertexOutputs it comes from
+  VaryingMode mode;
+};
+
+//! Structure of arrays: rows[r][vertex slot]. Rows 0..3 are the clip-space position x, y, z, w; the others are 32-bit words.
+//! Vertex slots are numbered by the front end after index de-duplication.
+struct VertexOutputs {
+  const float* const* rows = nullptr;
+  uint32_t rowCount = 0;
+  uint32_t vertexCount = 0;
+  int32_t pointSizeRow = -1;
+};
+
+//! Everything about a draw that assembly, clipping and setup need. Plain values, captured from Vulkan state.
+struct SetupState {
+  VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+  VkViewport viewport{};
+  VkRect2D bounds{};                 //!< scissor, render area and framebuffer intersected: nothing outside is produced
+  VkCullModeFlags cullMode = 0;
+  VkFrontFace frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
+  bool depthClampEnable = false;
+  bool depthClipEnable = true;
+  bool provokingLast = false;
+  bool depthBiasEnable = false;
+  float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0;
+  VkFormat depthFormat = VK_FORMAT_UNDEFINED;    //!< for the unit of the constant bias
+  float lineWidth = 1;
+  uint32_t samples = 1;
+  std::span<const Varying> varyings;
+};
+
+//! v(x, y) = origin + dx * x + dy * y at pixel coordinates relative to a point (framebuffer origin or grid cell corner).
+struct Plane { double dx = 0, dy = 0, origin = 0; };
+
+//! One edge: inside where a * x + b * y + c >= 0 at sample positions in 1/256 pixel units; c already holds the top-left rule's bias.
+struct Edge { int64_t a = 0, b = 0, c = 0; };
+
+//! A primitive that covers something. Lives in an arena until its render pass is finished.
+struct Primitive {
+  Edge edges[4];                   //!< triangles use 3, rectangles (lines, points) 4
+  uint8_t edgeCount = 3;
+  bool frontFacing = true;
+  uint32_t primitiveId = 0;
+  int32_t minX, minY, maxX, maxY;  //!< pixels that may be covered, inclusive, inside `bounds`
+  float minZ, maxZ;                //!< bounds of depth over the primitive (after bias)
+  const Plane* planes = nullptr;   //!< [0] depth, [1] 1/w, then one per Varying (flat: origin holds the bits of a word, in `flat`)
+  const uint32_t* flat = nullptr;  //!< one word per Varying, valid for Flat ones
+};
+
+//! Why triangles were dropped (PUMICE_STATS).
+struct SetupCounters {
+  uint64_t input = 0, clippedAway = 0, culledFace = 0, culledZeroArea = 0, culledOutside = 0, culledNoSample = 0, output = 0;
+};
+
+//! Assembles primitives [first, first+count) of the draw from a list of vertex slots, clips, culls and sets them up.
+//! `slots` are the vertex slots in index order (strips and fans restarted by the caller: one span per restart run).
+//! Appends to `out`, in order. Memory comes from the arena. Primitives without area, or outside, or with NaN positions vanish.
+void setupPrimitives(const SetupState& state, const VertexOutputs& vertices, std::span<const uint32_t> slots,
+                     uint32_t firstPrimitiveId, base::Arena& arena, std::vector<Primitive>& out, SetupCounters& counters);
+
+}  // namespace pumice::raster

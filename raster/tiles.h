@@ -1,0 +1,66 @@
+// Binning and coverage: which tiles a primitive touches, and inside a tile which 4x4 blocks, as masks.
+#pragma once
+
+#include <array>
+
+#include "raster/primitive.h"
+
+namespace pumice::raster {
+
+constexpr uint32_t kTileSize = 64;   //!< pixels; a multiple of the 4x4 block, divides or equals kGridCell
+
+struct TileGrid {
+  uint32_t tilesX = 0, tilesY = 0;
+  TileGrid() = default;
+  TileGrid(uint32_t width, uint32_t height)
+      : tilesX((width + kTileSize - 1) / kTileSize), tilesY((height + kTileSize - 1) / kTileSize) {}
+  uint32_t count() const { return tilesX * tilesY; }
+};
+
+//! One entry of a tile's bin: draw and primitive, in API order.
+struct BinEntry { uint32_t draw; const Primitive* primitive; };
+
+//! Bins of one render pass. Filled by one thread per chunk; chunks keep API order, so that parallel filling never changes a tile's order.
+class Bins {
+ public:
+  explicit Bins(TileGrid grid) : grid_(grid), tiles_(grid.count()) {}
+  const TileGrid& grid() const { return grid_; }
+  //! Bins a primitive into every tile its edges may touch (exact reject of tiles outside an edge).
+  void add(uint32_t draw, const Primitive& primitive);
+  std::span<const BinEntry> tile(uint32_t index) const { return tiles_[index]; }
+  bool empty() const;
+  void clear();
+ private:
+  TileGrid grid_;
+  std::vector<std::vector<BinEntry>> tiles_;
+};
+
+//! Called per 4x4 block with some coverage: block coordinates in pixels (multiples of 4, framebuffer), and per sample a
+//! 16-bit mask in quad-major order (texture::blockIndex). `masks` has `samples` entries.
+class BlockSink {
+ public:
+  virtual ~BlockSink() = default;
+  virtual void block(uint32_t x, uint32_t y, const uint16_t* masks) = 0;
+};
+
+//! Rasterizes one primitive within a tile (64 -> 16 -> 4 descent) at 1, 2, 4, 8 or 16 standard sample locations,
+//! limited to `bounds` (scissor and render area).
+void rasterize(const Primitive& primitive, uint32_t tileX, uint32_t tileY, const VkRect2D& bounds, uint32_t samples, BlockSink& sink);
+
+//! Standard sample locations in 1/16 pixel (Vulkan spec, "Standard sample locations"); samples = 1 is the centre.
+std::span<const std::array<uint8_t, 2>> sampleLocations(uint32_t samples);
+
+//! The record that a fragment routine reads through QuadLoad for one primitive in one grid cell.
+//! Bytes: RecordHeader, then per plane {float origin, dx, dy} at kRecordPlanes + 12 * plane, in the order of Primitive::planes;
+//! flat varyings: the word at the plane's place (origin), dx = dy = 0. Coordinates are pixel centres relative to the cell's corner.
+struct RecordHeader {
+  uint32_t frontFacing = 0;   //!< all ones or zero
+  uint32_t primitiveId = 0;
+  float cellX = 0, cellY = 0; //!< framebuffer coordinates of the cell's corner
+};
+constexpr uint32_t kRecordPlanes = sizeof(RecordHeader);
+constexpr uint32_t recordBytes(uint32_t varyings) { return kRecordPlanes + 12 * (2 + varyings); }
+//! Fills a record for the grid cell at (cellX, cellY) pixels. Sums are formed in double and rounded once.
+void fillRecord(const Primitive& primitive, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record);
+
+}  // namespace pumice::raster
