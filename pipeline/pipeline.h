@@ -51,12 +51,12 @@ struct StageSource {
 
 //! Variants by routine key live inside; safe to use from several threads. Kept alive by command buffers in flight.
 class GraphicsPipeline;
-Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
+base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
                                                                  std::shared_ptr<const frontend::Shader> vertex,
                                                                  std::shared_ptr<const frontend::Shader> fragment);
 const GraphicsState& graphicsState(const GraphicsPipeline& pipeline);
 
 class ComputePipeline;
-Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader);
+base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader);
 
 }  // namespace pumice::pipeline

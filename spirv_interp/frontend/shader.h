@@ -73,10 +73,10 @@ struct SpecializationConstant { uint32_t id; std::vector<std::byte> data; };
 //! Parsed and validated module, shared by the pipelines made from it. `validate` runs SPIRV-Tools' validator
 //! for the given Vulkan version; an invalid module gives an error with its text.
 class Module;
-Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words);
+base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words);
 
 //! Errors name what is invalid or not supported (opcode, capability) and where.
-Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,
+base::Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,
                                                std::span<const SpecializationConstant> specialization);
 
 }  // namespace pumice::frontend

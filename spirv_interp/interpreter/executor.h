@@ -70,7 +70,7 @@ struct CompileOptions {
 
 //! Interpreter. The function must verify() and hold no abstract operations; high-level math is lowered here
 //! (on a copy) by ir::lowerMath. Errors: an operation without a kernel for its type, too many rows.
-Result<std::unique_ptr<Executable>> compileInterpreter(const ir::Function& f, const CompileOptions& options);
+base::Result<std::unique_ptr<Executable>> compileInterpreter(const ir::Function& f, const CompileOptions& options);
 
 //! Name of the instruction set the kernels use on this machine ("AVX3", "AVX2", "SSE4", ...; PUMICE_ISA forces a lower one).
 const char* interpreterTarget();

@@ -1,0 +1,71 @@
+// Routines: shader plus the fixed function around it as one piece of lane IR, made for the exact state of a draw.
+#pragma once
+
+#include "pipeline/execute.h"
+#include "raster/tiles.h"
+#include "spirv_interp/interpreter/executor.h"
+
+namespace pumice::pipeline {
+
+//! View and sampler state of one statically used image descriptor: part of every key whose shader uses it.
+struct ImageState {
+  texture::ViewKey view;
+  texture::SamplerKey sampler;
+  bool operator==(const ImageState&) const = default;
+};
+
+//! Selects a vertex routine within a pipeline. Nothing outside it (and the pipeline) influences the code.
+struct VertexKey {
+  ir::Numerics numerics = ir::Numerics::F32;
+  std::vector<ImageState> images;
+  bool operator==(const VertexKey&) const = default;
+};
+
+struct FragmentKey {
+  ir::Numerics numerics = ir::Numerics::F32;
+  bool countSamples = false;                //!< an occlusion query is open
+  uint8_t depthTiled = 1;
+  std::vector<ImageState> images;
+  bool operator==(const FragmentKey&) const = default;
+};
+
+//! Vertex fetch + vertex shader. Inputs: slot 0 = VertexIndex (i32, base vertex added; also the index into
+//! per-vertex buffers), slot 1 = InstanceIndex (first instance added). Output slot r is row r of raster::VertexOutputs:
+//! 0..3 clip position, then `rows` below.
+struct VertexRoutine {
+  std::unique_ptr<interp::Executable> code;
+  uint32_t rowCount = 4;
+  int32_t pointSizeRow = -1;
+};
+
+//! Interpolation, fragment shader, depth/stencil test, blending, packing. Input slots: 0 = x and 1 = y of the pixel
+//! centre relative to the grid cell's corner (f32), 2 = coverage (i32, bit per sample). Quads read raster records;
+//! tile planes are numbered by planeIndex(). Output slot 0 (countSamples): i32, bit per sample that passed.
+struct FragmentRoutine {
+  std::unique_ptr<interp::Executable> code;
+  std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
+  bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes
+  bool present = true;                      //!< false: nothing is written or counted, skip the draw
+};
+
+//! Number of the tile plane of colour attachment `color`, or of depth / stencil, at one sample.
+constexpr uint32_t colorPlane(uint32_t color, uint32_t sample, uint32_t samples) { return color * samples + sample; }
+constexpr uint32_t depthPlane(uint32_t sample, uint32_t samples) { return kMaxColorAttachments * samples + sample; }
+constexpr uint32_t stencilPlane(uint32_t sample, uint32_t samples) { return (kMaxColorAttachments + 1) * samples + sample; }
+static_assert(stencilPlane(15, 16) < interp::kMaxTilePlanes);
+
+//! Find or make the routine for a draw. Thread-safe; null (and a logged reason) if it cannot be made.
+const VertexRoutine* vertexRoutine(GraphicsPipeline& pipeline, const DrawState& draw);
+const FragmentRoutine* fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples);
+//! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
+struct ComputeRoutine {
+  std::unique_ptr<interp::Executable> code;
+  std::array<uint32_t, 3> localSize{1, 1, 1};
+  uint32_t sharedBytes = 0;
+};
+const ComputeRoutine* computeRoutine(ComputePipeline& pipeline, const DispatchState& dispatch);
+
+//! Fills ir::kTableDraw's memory and the table list for a draw.
+void fillTables(const DrawState& draw, const DrawConstants& constants, interp::Tables& tables);
+
+}  // namespace pumice::pipeline
