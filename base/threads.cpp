@@ -4,8 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <condition_variable>
 #include <cstring>
 #include <memory>
+#include <mutex>
 
 #include "base/fpenv.h"
 #include "base/log.h"
@@ -59,70 +61,112 @@ void Thread::join() {
   if (process_ == ::getpid()) ::pthread_join(handle_, nullptr);
 }
 
-void ThreadPool::Loop::work(unsigned worker) {
-  // The counter may pass count by one per worker; a loop of nearly 2^32 items would wrap it.
-  for (uint32_t index = next.fetch_add(1, std::memory_order_relaxed); index < count;
-       index = next.fetch_add(1, std::memory_order_relaxed)) {
-    call(context, index, worker);
-  }
-}
+// A running loop; lives on the stack of its caller. Which loops are open, how many workers have joined each
+// and how many are still inside is guarded by Shared::mutex; items are handed out by the counter alone.
+struct ThreadPool::Loop {
+  alignas(64) std::atomic<uint32_t> next{0};
+  alignas(64) uint32_t count;
+  void* context;
+  Call call;
+  unsigned joined = 1;  // worker indices handed out
+  unsigned inside = 0;  // workers that may still touch this
+  std::condition_variable empty;
+  Loop* following = nullptr;
 
-ThreadPool::ThreadPool(unsigned threads) : threads_(std::max(1u, threads)) {}
+  bool exhausted() const { return next.load(std::memory_order_relaxed) >= count; }
+
+  void work(unsigned worker) {
+    while (true) {
+      // Looking first keeps the counter from wrapping when a loop has nearly 2^32 items.
+      if (exhausted()) return;
+      uint32_t index = next.fetch_add(1, std::memory_order_relaxed);
+      if (index >= count) return;
+      call(context, index, worker);
+    }
+  }
+};
+
+struct ThreadPool::Shared {
+  explicit Shared(unsigned most) : threads(most) {}
+
+  const unsigned threads;
+  std::mutex mutex;
+  std::condition_variable wake;
+  Loop* loops = nullptr;  // those that may still have items for more workers, oldest first
+  unsigned sleeping = 0;
+  bool stop = false;
+
+  // The first loop that has items and room for one more worker. mutex is held.
+  Loop* openLoop() {
+    for (Loop* loop = loops; loop; loop = loop->following)
+      if (loop->joined < threads && !loop->exhausted()) return loop;
+    return nullptr;
+  }
+
+  void append(Loop* loop) {
+    Loop** link = &loops;
+    while (*link) link = &(*link)->following;
+    *link = loop;
+  }
+
+  // Takes the loop off the list, if it is still there. mutex is held.
+  void close(Loop* loop) {
+    for (Loop** link = &loops; *link; link = &(*link)->following) {
+      if (*link == loop) {
+        *link = loop->following;
+        return;
+      }
+    }
+  }
+
+  void workerMain() {
+    std::unique_lock lock(mutex);
+    while (true) {
+      Loop* loop = openLoop();
+      if (!loop) {
+        if (stop) return;
+        sleeping++;
+        wake.wait(lock);
+        sleeping--;
+        continue;
+      }
+      unsigned worker = loop->joined++;
+      loop->inside++;
+      lock.unlock();
+      loop->work(worker);
+      lock.lock();
+      close(loop);
+      // Told under the lock: the caller cannot leave, and the loop vanish, before this is over.
+      if (--loop->inside == 0) loop->empty.notify_one();
+    }
+  }
+};
+
+ThreadPool::ThreadPool(unsigned threads)
+    : threads_(std::max(1u, threads)), shared_(std::make_unique<Shared>(threads_)) {}
 
 ThreadPool::~ThreadPool() {
-  if (process_ != 0 && process_ != ::getpid()) return;  // forked: the workers are the parent's
-  {
-    std::lock_guard lock(mutex_);
-    stop_ = true;
+  pid_t started = process_;
+  if (started != 0 && started != ::getpid()) {
+    // A child made by fork(): the workers stayed with the parent, and a condition variable on which they
+    // seem to wait cannot be destroyed.
+    (void)shared_.release();
+    return;
   }
-  wake_.notify_all();
+  {
+    std::lock_guard lock(shared_->mutex);
+    shared_->stop = true;
+  }
+  shared_->wake.notify_all();
   workers_.clear();
 }
 
-// The first loop that has items and room for one more worker. mutex_ is held.
-ThreadPool::Loop* ThreadPool::openLoop() {
-  for (Loop* loop = loops_; loop; loop = loop->following)
-    if (loop->joined < threads_ && !loop->exhausted()) return loop;
-  return nullptr;
-}
-
-// Takes the loop off the list, if it is still there. mutex_ is held.
-void ThreadPool::close(Loop* loop) {
-  for (Loop** link = &loops_; *link; link = &(*link)->following) {
-    if (*link == loop) {
-      *link = loop->following;
-      return;
-    }
-  }
-}
-
-void ThreadPool::workerMain() {
-  std::unique_lock lock(mutex_);
-  while (true) {
-    Loop* loop = openLoop();
-    if (!loop) {
-      if (stop_) return;
-      sleeping_++;
-      wake_.wait(lock);
-      sleeping_--;
-      continue;
-    }
-    unsigned worker = loop->joined++;
-    loop->inside++;
-    lock.unlock();
-    loop->work(worker);
-    lock.lock();
-    close(loop);
-    // Told under the lock: the caller cannot leave, and the loop vanish, before this is over.
-    if (--loop->inside == 0) loop->empty.notify_one();
-  }
-}
-
-// mutex_ is held.
+// The mutex is held.
 void ThreadPool::startWorkers(unsigned wanted) {
   if (process_ == 0) process_ = ::getpid();
   while (workers_.size() < wanted && !startFailed_) {
-    auto thread = Thread::start("pumice-" + std::to_string(workers_.size() + 1), [this] { workerMain(); });
+    auto thread = Thread::start("pumice-" + std::to_string(workers_.size() + 1),
+                                [shared = shared_.get()] { shared->workerMain(); });
     if (thread) {
       workers_.push_back(std::move(*thread));
     } else {
@@ -145,24 +189,21 @@ void ThreadPool::run(uint32_t count, void* context, Call call) {
   loop.count = count;
   loop.context = context;
   loop.call = call;
-  unsigned wanted = std::min(threads_, count) - 1;
+  const unsigned wanted = std::min(threads_, count) - 1;
   unsigned toWake;
   {
-    std::lock_guard lock(mutex_);
-    // At the end of the list: earlier loops are served first.
-    Loop** link = &loops_;
-    while (*link) link = &(*link)->following;
-    *link = &loop;
-    toWake = std::min(wanted, sleeping_);
+    std::lock_guard lock(shared_->mutex);
+    shared_->append(&loop);
+    toWake = std::min(wanted, shared_->sleeping);
     if (workers_.size() < wanted) startWorkers(wanted);
   }
   // Workers that are awake look at the list by themselves before they sleep.
-  for (unsigned i = 0; i < toWake; i++) wake_.notify_one();
+  for (unsigned i = 0; i < toWake; i++) shared_->wake.notify_one();
 
   loop.work(0);
 
-  std::unique_lock lock(mutex_);
-  close(&loop);
+  std::unique_lock lock(shared_->mutex);
+  shared_->close(&loop);
   loop.empty.wait(lock, [&] { return loop.inside == 0; });
 }
 

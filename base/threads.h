@@ -6,10 +6,9 @@
 #include <sys/types.h>
 
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <mutex>
+#include <memory>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -31,7 +30,7 @@ class Thread {
 
   bool running() const { return started_; }
 
-  // In a child made by fork() the thread does not exist: then nothing is waited for.
+  // In a child made by fork() the thread does not exist: nothing is waited for.
   void join();
 
  private:
@@ -60,45 +59,25 @@ class ThreadPool {
   template <typename Function>
   void parallelFor(uint32_t count, Function&& fn) {
     using Plain = std::remove_reference_t<Function>;
-    run(count, const_cast<void*>(static_cast<const void*>(&fn)), [](void* context, uint32_t index, unsigned worker) {
-      (*static_cast<Plain*>(context))(index, worker);
-    });
+    run(count, const_cast<void*>(static_cast<const void*>(&fn)),
+        [](void* context, uint32_t index, unsigned worker) { (*static_cast<Plain*>(context))(index, worker); });
   }
 
  private:
   using Call = void (*)(void* context, uint32_t index, unsigned worker);
 
-  // A running loop; lives on the stack of its caller. Which loops are open, how many workers have joined
-  // each and how many are still inside is guarded by mutex_; items are handed out by the counter alone.
-  struct Loop {
-    alignas(64) std::atomic<uint32_t> next{0};
-    alignas(64) uint32_t count;
-    void* context;
-    Call call;
-    unsigned joined = 1;  // worker indices handed out
-    unsigned inside = 0;  // workers that may still touch this
-    std::condition_variable empty;
-    Loop* following = nullptr;
-
-    bool exhausted() const { return next.load(std::memory_order_relaxed) >= count; }
-    void work(unsigned worker);
-  };
+  struct Loop;
+  struct Shared;
 
   void run(uint32_t count, void* context, Call call);
-  void workerMain();
-  Loop* openLoop();
-  void close(Loop* loop);
-  void startWorkers(unsigned wanted);
 
   const unsigned threads_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  Loop* loops_ = nullptr;      // those that may still have items for more workers
-  unsigned sleeping_ = 0;
-  bool stop_ = false;
-  bool startFailed_ = false;
-  pid_t process_ = 0;          // the one the workers were started in
-  std::vector<Thread> workers_;
+  std::unique_ptr<Shared> shared_;  // what callers and workers look at
+  std::vector<Thread> workers_;     // guarded by the mutex in shared_
+  bool startFailed_ = false;        // so is this
+  std::atomic<pid_t> process_{0};   // the one the workers were started in
+
+  void startWorkers(unsigned wanted);
 };
 
 }  // namespace pumice::base

@@ -1,0 +1,225 @@
+#include "base/threads.h"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <thread>
+
+#include "base/fpenv.h"
+
+namespace pumice::base {
+namespace {
+
+size_t threadsOfProcess() {
+  size_t count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/task")) {
+    (void)entry;
+    count++;
+  }
+  return count;
+}
+
+// A joined thread may stay in /proc for a moment.
+bool threadsBecome(size_t expected) {
+  for (int i = 0; i < 2000 && threadsOfProcess() != expected; i++) ::usleep(1000);
+  return threadsOfProcess() == expected;
+}
+
+// Holds each of `expected` threads until all have come, so that a test sees them all at work.
+class Gate {
+ public:
+  explicit Gate(unsigned expected) : missing_(expected) {}
+  void pass() {
+    std::unique_lock lock(mutex_);
+    if (missing_ > 0) missing_--;
+    all_.notify_all();
+    all_.wait(lock, [&] { return missing_ == 0; });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable all_;
+  unsigned missing_;
+};
+
+TEST(ThreadPool, EveryIndexIsCalledOnce) {
+  ThreadPool pool(4);
+  for (uint32_t count : {0u, 1u, 2u, 3u, 7u, 1000u, 20000u}) {
+    std::vector<std::atomic<int>> calls(count);
+    pool.parallelFor(count, [&](uint32_t index, unsigned worker) {
+      calls[index]++;
+      EXPECT_LT(worker, pool.workerCount());
+    });
+    for (auto& call : calls) ASSERT_EQ(call, 1);
+  }
+}
+
+TEST(ThreadPool, PlainWritesOfAllWorkersAreVisibleAfterwards) {
+  ThreadPool pool(4);
+  std::vector<uint32_t> values(5000);
+  for (uint32_t round = 1; round < 200; round++) {
+    pool.parallelFor(uint32_t(values.size()), [&](uint32_t index, unsigned) { values[index] += index; });
+    ASSERT_EQ(values[4999], 4999 * round);
+    ASSERT_EQ(values[1], round);
+  }
+}
+
+TEST(ThreadPool, AllThreadsTakePartAndHaveTheirOwnIndex) {
+  ThreadPool pool(4);
+  Gate gate(4);
+  std::mutex mutex;
+  std::set<unsigned> workers;
+  std::set<std::thread::id> threads;
+  pool.parallelFor(4, [&](uint32_t, unsigned worker) {
+    gate.pass();
+    std::lock_guard lock(mutex);
+    workers.insert(worker);
+    threads.insert(std::this_thread::get_id());
+  });
+  EXPECT_EQ(workers, (std::set<unsigned>{0, 1, 2, 3}));
+  EXPECT_EQ(threads.size(), 4u);
+  EXPECT_TRUE(threads.count(std::this_thread::get_id()));
+}
+
+TEST(ThreadPool, NoThreadIsStartedWithoutNeed) {
+  ::usleep(20000);  // let threads of earlier tests vanish
+  size_t before = threadsOfProcess();
+  ThreadPool single(1);
+  std::thread::id other;
+  single.parallelFor(100, [&](uint32_t, unsigned) {
+    if (std::this_thread::get_id() != other) other = std::this_thread::get_id();
+  });
+  EXPECT_EQ(other, std::this_thread::get_id());
+  ThreadPool pool(8);
+  pool.parallelFor(1, [](uint32_t, unsigned) {});
+  EXPECT_TRUE(threadsBecome(before));
+  pool.parallelFor(2, [](uint32_t, unsigned) {});
+  EXPECT_TRUE(threadsBecome(before + 1));
+}
+
+TEST(ThreadPool, TheDestructorLeavesNoThread) {
+  ::usleep(20000);
+  size_t before = threadsOfProcess();
+  for (int round = 0; round < 50; round++) {
+    ThreadPool pool(4);
+    pool.parallelFor(16, [](uint32_t, unsigned) {});
+  }
+  EXPECT_TRUE(threadsBecome(before));
+}
+
+TEST(ThreadPool, ManyCallersAtOnceAndLoopsWithinLoops) {
+  ThreadPool pool(3);
+  std::atomic<uint64_t> sum{0};
+  std::vector<std::thread> callers;
+  for (int caller = 0; caller < 4; caller++) {
+    callers.emplace_back([&] {
+      for (int round = 0; round < 50; round++) {
+        pool.parallelFor(8, [&](uint32_t outer, unsigned) {
+          pool.parallelFor(5, [&](uint32_t inner, unsigned) { sum += outer * 5 + inner; });
+        });
+      }
+    });
+  }
+  for (auto& caller : callers) caller.join();
+  EXPECT_EQ(sum, 4u * 50u * (39u * 40u / 2u));
+}
+
+TEST(ThreadPool, IdleWorkersSleep) {
+  ThreadPool pool(4);
+  Gate gate(4);
+  pool.parallelFor(4, [&](uint32_t, unsigned) { gate.pass(); });
+  ::usleep(20000);
+  timespec before, after;
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &before);
+  ::usleep(100000);
+  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &after);
+  double used = double(after.tv_sec - before.tv_sec) + 1e-9 * double(after.tv_nsec - before.tv_nsec);
+  EXPECT_LT(used, 0.02);
+}
+
+TEST(ThreadPool, WorkersBlockSignalsAndAreNamed) {
+  ThreadPool pool(2);
+  Gate gate(2);
+  std::string name;
+  bool blocked = false;
+  pool.parallelFor(2, [&](uint32_t, unsigned worker) {
+    gate.pass();
+    if (worker == 0) return;
+    char buffer[16] = {};
+    ::pthread_getname_np(::pthread_self(), buffer, sizeof(buffer));
+    name = buffer;
+    sigset_t mask;
+    ::pthread_sigmask(SIG_SETMASK, nullptr, &mask);
+    blocked = ::sigismember(&mask, SIGTERM) && ::sigismember(&mask, SIGALRM) && ::sigismember(&mask, SIGCHLD);
+  });
+  EXPECT_EQ(name, "pumice-1");
+  EXPECT_TRUE(blocked);
+  sigset_t mine;
+  ::pthread_sigmask(SIG_SETMASK, nullptr, &mine);
+  EXPECT_FALSE(::sigismember(&mine, SIGTERM));
+}
+
+// A host that has set flush-to-zero gets it back, and its threads do not hand it on to ours.
+TEST(ThreadPool, TheFloatingPointEnvironmentIsTheDefaultInside) {
+#if defined(__x86_64__)
+  constexpr uint32_t kFlushAndTruncate = 0x1f80 | 0x8040 | 0x6000;
+  ThreadPool pool(3);
+  writeFpEnv(kFlushAndTruncate);
+  Gate gate(3);
+  std::atomic<int> right{0};
+  pool.parallelFor(3, [&](uint32_t, unsigned) {
+    gate.pass();
+    volatile float tiny = 1e-38f;
+    volatile float quotient = tiny / 4;
+    right += (readFpEnv() & ~0x3fu) == kDefaultFpEnv && quotient > 0;
+  });
+  uint32_t after = readFpEnv();
+  writeFpEnv(kDefaultFpEnv);
+  EXPECT_EQ(after, kFlushAndTruncate);
+  EXPECT_EQ(right, 3);
+#else
+  GTEST_SKIP() << "written for x86-64";
+#endif
+}
+
+#if !defined(__SANITIZE_THREAD__)
+TEST(ThreadPool, AForkedChildCanLetGoOfThePool) {
+  auto* pool = new ThreadPool(3);
+  pool->parallelFor(10, [](uint32_t, unsigned) {});
+  pid_t child = ::fork();
+  if (child == 0) {
+    ::alarm(20);
+    delete pool;
+    ::_exit(0);
+  }
+  int status = 1;
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(status, 0);
+  delete pool;
+}
+#endif
+
+TEST(Thread, RunsItsBodyUnderItsName) {
+  std::string name;
+  auto thread = Thread::start("a-rather-long-thread-name", [&] {
+    char buffer[16] = {};
+    ::pthread_getname_np(::pthread_self(), buffer, sizeof(buffer));
+    name = buffer;
+  });
+  ASSERT_TRUE(thread);
+  EXPECT_TRUE(thread->running());
+  thread->join();
+  EXPECT_FALSE(thread->running());
+  EXPECT_EQ(name, "a-rather-long-t");
+}
+
+}  // namespace
+}  // namespace pumice::base
