@@ -5,9 +5,10 @@
 
 #include <bit>
 #include <initializer_list>
-#include <unordered_map>
+#include <vector>
 
 #include "spirv_interp/ir/ir.h"
+#include "spirv_interp/ir/value_table.h"
 
 namespace pumice::ir {
 
@@ -91,13 +92,13 @@ class Builder {
   void tileStore(uint32_t plane, uint32_t elementBytes, uint32_t byteOffset, Value v) { emit(Op::TileStore, Type::None, {v}, tileImm(plane, elementBytes, byteOffset)); }
 
   // Control flow
-  void beginIf(Value m);
-  void beginElse();
-  void endIf();
-  void beginLoop();
-  void endLoop();
-  void beginBlock();
-  void endBlock();
+  void beginIf(Value m) { emit(Op::If, Type::None, {m}); }
+  void beginElse() { emit(Op::Else, Type::None, {}); }
+  void endIf() { emit(Op::EndIf, Type::None, {}); }
+  void beginLoop() { emit(Op::Loop, Type::None, {}); }
+  void endLoop() { emit(Op::EndLoop, Type::None, {}); }
+  void beginBlock() { emit(Op::Block, Type::None, {}); }
+  void endBlock() { emit(Op::EndBlock, Type::None, {}); }
   void breakOut(uint32_t constructs = 0) { emit(Op::Break, Type::None, {}, constructs); }
   //! Number of loop/block constructs open; break k from depth d leaves to depth d-1-k.
   uint32_t breakDepth() const { return breakDepth_; }
@@ -107,9 +108,9 @@ class Builder {
   uint32_t line_ = 0;
   uint8_t instFlags_ = 0;
   uint32_t breakDepth_ = 0;
-  struct Scope { std::vector<std::pair<uint64_t, Value>> added; };
-  std::vector<Scope> scopes_;                                    //!< values found in closed regions are forgotten
-  std::unordered_multimap<uint64_t, Value> available_;           //!< hash -> pure instruction in an open region
+  std::vector<size_t> scopes_;   //!< marks in available_: values found in closed regions are forgotten
+  ValueTable available_;         //!< pure instructions of the open regions
+  Value append(Op op, Type type, std::span<const Value> operands, uint64_t imm);
   void openScope();
   void closeScope();
 };

@@ -1,0 +1,131 @@
+#include "spirv_interp/ir/builder.h"
+
+#include <algorithm>
+
+#include "spirv_interp/ir/fold.h"
+
+namespace pumice::ir {
+
+namespace {
+
+bool isCommutative(Op op) {
+  switch (op) {
+    case Op::FAdd: case Op::FMul: case Op::Fma: case Op::FMin: case Op::FMax: case Op::IAdd: case Op::IMul:
+    case Op::SMulHi: case Op::UMulHi: case Op::And: case Op::Or: case Op::Xor: case Op::SMin: case Op::SMax:
+    case Op::UMin: case Op::UMax: case Op::FEq: case Op::FNe: case Op::IEq: case Op::INe: case Op::MaskAnd:
+    case Op::MaskOr: case Op::MaskXor: return true;
+    default: return false;
+  }
+}
+
+uint32_t hashInst(Op op, Type type, uint8_t flags, std::span<const Value> operands, uint64_t imm) {
+  uint64_t h = uint64_t(op) | uint64_t(type) << 16 | uint64_t(flags) << 24;
+  h = (h ^ imm) * 0x9e3779b97f4a7c15u;
+  for (Value v : operands) h = (std::rotl(h, 23) ^ v) * 0x9e3779b97f4a7c15u;
+  return uint32_t(h >> 32) ^ uint32_t(h);
+}
+
+}  // namespace
+
+Builder::Builder(Function& f) : f_(f) {
+  for (const Inst& i : f.insts) {
+    if (i.op == Op::Loop || i.op == Op::Block) ++breakDepth_;
+    if (i.op == Op::EndLoop || i.op == Op::EndBlock) --breakDepth_;
+  }
+}
+
+void Builder::openScope() { scopes_.push_back(available_.mark()); }
+
+void Builder::closeScope() {
+  // A builder that was started inside a region may close it: then nothing it knows stays visible for sure.
+  available_.rewind(scopes_.empty() ? 0 : scopes_.back());
+  if (!scopes_.empty()) scopes_.pop_back();
+}
+
+Value Builder::append(Op op, Type type, std::span<const Value> operands, uint64_t imm) {
+  Inst i;
+  i.op = op;
+  i.type = type;
+  i.flags = instFlags_;
+  i.firstOperand = uint32_t(f_.operandPool.size());
+  i.operandCount = uint32_t(operands.size());
+  i.line = line_;
+  i.imm = imm;
+  f_.operandPool.insert(f_.operandPool.end(), operands.begin(), operands.end());
+  f_.insts.push_back(i);
+  return Value(f_.insts.size() - 1);
+}
+
+Value Builder::emit(Op op, Type type, std::span<const Value> given, uint64_t imm) {
+  // A copy: the span may point into the operand pool, which moves when it grows.
+  Value few[8];
+  std::vector<Value> many;
+  std::span<Value> operands;
+  if (given.size() <= std::size(few)) {
+    std::copy(given.begin(), given.end(), few);
+    operands = {few, given.size()};
+  } else {
+    many.assign(given.begin(), given.end());
+    operands = many;
+  }
+
+  const OpInfo& info = opInfo(op);
+  if (info.flags & kControl) {
+    if (op == Op::Else || op == Op::EndIf || op == Op::EndLoop || op == Op::EndBlock) closeScope();
+    if (op == Op::Else || op == Op::If || op == Op::Loop || op == Op::Block) openScope();
+    if (op == Op::Loop || op == Op::Block) ++breakDepth_;
+    if (op == Op::EndLoop || op == Op::EndBlock) --breakDepth_;
+  }
+  if (!(info.flags & kPure) || (instFlags_ & kInstVolatile)) return append(op, type, operands, imm);
+
+  if (isCommutative(op)) {
+    const bool c0 = isConstant(operands[0]), c1 = isConstant(operands[1]);
+    if (c0 != c1 ? c0 : operands[0] > operands[1]) std::swap(operands[0], operands[1]);
+  }
+  if (op == Op::Const) imm &= allOnes(type);
+
+  uint64_t args[4];
+  bool constant = !operands.empty() && operands.size() <= std::size(args);
+  for (size_t i = 0; constant && i < operands.size(); ++i) constant = isConstant(operands[i], &args[i]);
+  uint64_t folded = 0;
+  if (constant && foldConstant(op, type, this->type(operands.back()), {args, operands.size()}, folded))
+    return this->constant(type, folded);
+  if (!operands.empty())
+    if (Value v = simplify(*this, op, type, operands)) return v;
+
+  const uint8_t flags = op == Op::Const ? 0 : instFlags_;
+  const uint32_t hash = hashInst(op, type, flags, operands, imm);
+  const Value found = available_.find(hash, [&](Value v) {
+    const Inst& i = f_.insts[v];
+    return i.op == op && i.type == type && i.flags == flags && i.imm == imm &&
+           std::ranges::equal(f_.operands(i), operands);
+  });
+  if (found) return found;
+  const Value v = append(op, type, operands, imm);
+  f_.insts[v].flags = flags;
+  available_.insert(hash, v);
+  return v;
+}
+
+Value Builder::constant(Type t, uint64_t bits) {
+  const uint8_t flags = instFlags_;
+  instFlags_ = 0;  // also a constant made while a volatile access is built is merged
+  const Value v = emit(Op::Const, t, {}, bits);
+  instFlags_ = flags;
+  return v;
+}
+
+Value Builder::floatConstant(Type t, double x) { return constant(t, floatBits(t, x)); }
+
+bool Builder::isConstant(Value v, uint64_t* bits) const {
+  if (f_.insts[v].op != Op::Const) return false;
+  if (bits) *bits = f_.insts[v].imm;
+  return true;
+}
+
+Value Builder::tableLoad(Type t, uint32_t table, uint32_t constOffset, Value offset) {
+  if (!offset) offset = i32(0);
+  return emit(Op::TableLoad, t, {offset}, uint64_t(table) << 32 | constOffset);
+}
+
+}  // namespace pumice::ir
