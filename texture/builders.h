@@ -3,6 +3,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
 
 #include "spirv_interp/ir/builder.h"
 #include "texture/descriptor.h"
@@ -16,9 +19,17 @@ using Texel = std::array<ir::Value, 4>;
 //! Raw bits of one element as little-endian words: elements of 1 and 2 bytes as one i32 (zero extended),
 //! 4 bytes one i32, 8: two, 12: three, 16: four; 64-bit components take two words each.
 using RawElement = std::array<ir::Value, 8>;
-//! Number and type of the loads for an element: {I8,1}, {I16,1}, {I32,n}.
+//! Number and type of the consecutive loads for an element: {I8,1}, {I16,1}, {I32,n}; elements of 3 and 6 bytes: {I8,3}, {I16,3}.
+//! RawElement holds one i32 per load, zero extended. Compressed formats: count 0.
 struct RawLoads { ir::Type type; uint32_t count; };
 RawLoads rawLoads(const FormatInfo& f);
+
+//! The format of one plane: for combined depth/stencil the format of that aspect alone (X8_D24, D32, D16, S8), else f.
+const FormatInfo& planeFormat(const FormatInfo& f, VkImageAspectFlags aspect);
+
+//! What the caller of a routine must give as table ir::kTableConstants (the sRGB tables). Made on first use, lives for ever.
+struct ConstantTable { const std::byte* data; uint64_t size; };
+ConstantTable constantTable();
 
 //! Bits to components. Exact: UNORM n bits gives the correctly rounded quotient v / (2^n - 1); sRGB by the exact formula rounded once
 //! (256-entry table in constant memory allowed); packed floats and shared exponent exact.
@@ -26,7 +37,8 @@ Texel unpack(ir::Builder& b, const FormatInfo& f, const RawElement& raw);
 //! Components to bits. UNORM: clamp (NaN to 0), round to nearest even of c * (2^n - 1); as the conversion rules of the spec.
 RawElement pack(ir::Builder& b, const FormatInfo& f, const Texel& texel);
 
-//! Depth as stored: D16 and D24 unsigned normalised, D32 float. Value in i32 / f32 as TileLoad gives it.
+//! Depth as stored: D16 and D24 unsigned normalised, D32 float. `raw` is i16, i32 or f32 as TileLoad gives it; packDepth gives
+//! i32 for D16 (zero extended) and D24 (upper byte 0), f32 for D32.
 ir::Value unpackDepth(ir::Builder& b, const FormatInfo& f, ir::Value raw);
 ir::Value packDepth(ir::Builder& b, const FormatInfo& f, ir::Value depth);
 

@@ -94,7 +94,8 @@ enum Table : uint32_t {
   kTableDraw = 1,   //!< draw constants (pipeline/draw_constants.h)
   kTableSet0 = 2,   //!< memory of descriptor set n is kTableSet0 + n (texture/descriptor.h)
   kMaxDescriptorSets = 8,
-  kTableCount = kTableSet0 + kMaxDescriptorSets,
+  kTableConstants = kTableSet0 + kMaxDescriptorSets,  //!< texture::constantTable(), the same for every routine
+  kTableCount,
 };
 
 //! What an `image` instruction does. Operands come in the order of the flags below, each scalarised.
