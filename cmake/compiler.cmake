@@ -51,11 +51,23 @@ endif()
 # "address", "undefined" or "thread", or a comma separated list of them.
 set(PUMICE_SANITIZE "" CACHE STRING "Sanitizers to build with")
 if(PUMICE_SANITIZE)
-  add_compile_options(-fsanitize=${PUMICE_SANITIZE} -fno-omit-frame-pointer)
+  # gcc's flow analysis gives false alarms in instrumented code.
+  add_compile_options(-fsanitize=${PUMICE_SANITIZE} -fno-omit-frame-pointer -Wno-maybe-uninitialized)
   add_link_options(-fsanitize=${PUMICE_SANITIZE})
   if(PUMICE_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize-recover=undefined)
   endif()
+  # An uninstrumented program that loads the instrumented driver needs this in LD_PRELOAD.
+  if(PUMICE_SANITIZE MATCHES "address")
+    set(PUMICE_SANITIZER_LIBRARY libasan.so)
+  elseif(PUMICE_SANITIZE MATCHES "thread")
+    set(PUMICE_SANITIZER_LIBRARY libtsan.so)
+  else()
+    set(PUMICE_SANITIZER_LIBRARY libubsan.so)
+  endif()
+  execute_process(COMMAND "${CMAKE_CXX_COMPILER}" -print-file-name=${PUMICE_SANITIZER_LIBRARY}
+    OUTPUT_VARIABLE PUMICE_SANITIZER_RUNTIME OUTPUT_STRIP_TRAILING_WHITESPACE)
+  file(REAL_PATH "${PUMICE_SANITIZER_RUNTIME}" PUMICE_SANITIZER_RUNTIME)
 endif()
 
 # Unity builds make a clean build of a room much cheaper; while debugging they are in the way.

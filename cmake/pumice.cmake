@@ -51,7 +51,8 @@ endfunction()
 # A GoogleTest program test_<name>, every TEST of which is one ctest test "<name>.<Suite>.<Test>".
 # ENV is added to each test's environment; SERIAL tests run alone; ONE_PROCESS registers the program as
 # a single ctest test (for programs whose set-up is dear); NO_MAIN leaves main() to the sources.
-# Sanitizers slow programs down: the timeout is multiplied by four there.
+# Sanitizers slow programs down: the timeout is multiplied by four there, and PUMICE_SANITIZER_RUNTIME is
+# defined: the library that a child process which is not instrumented needs in LD_PRELOAD.
 function(pumice_test name)
   cmake_parse_arguments(PARSE_ARGV 1 ARG "SERIAL;ONE_PROCESS;NO_MAIN" "TIMEOUT" "SOURCES;LIBS;LABELS;ENV")
   if(ARG_UNPARSED_ARGUMENTS)
@@ -63,6 +64,10 @@ function(pumice_test name)
   target_include_directories(${target} PRIVATE "${PROJECT_SOURCE_DIR}")
   target_compile_definitions(${target} PRIVATE PUMICE_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   target_link_libraries(${target} PRIVATE ${ARG_LIBS} GTest::gtest Threads::Threads)
+  if(PUMICE_SANITIZE)
+    target_sources(${target} PRIVATE "${PROJECT_SOURCE_DIR}/tests/sanitizers/keep_loaded.cpp")
+    target_compile_definitions(${target} PRIVATE PUMICE_SANITIZER_RUNTIME="${PUMICE_SANITIZER_RUNTIME}")
+  endif()
   if(NOT ARG_NO_MAIN)
     target_link_libraries(${target} PRIVATE GTest::gtest_main)
   endif()
