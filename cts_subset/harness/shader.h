@@ -1,0 +1,16 @@
+// GLSL to SPIR-V at run time, by the glslang library.
+#pragma once
+
+#include <vulkan/vulkan.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace pumice::cts {
+
+// Compiles for Vulkan 1.0 / SPIR-V 1.0. Throws std::runtime_error with glslang's log.
+// The result is kept for the life of the process: both drivers get the very same words.
+const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source);
+
+} // namespace pumice::cts

@@ -1,0 +1,20 @@
+#include "cts_subset/harness/scene.h"
+
+namespace pumice::cts {
+
+const std::vector<Scene>& allScenes() {
+    static const SceneList kScenes = [] {
+        SceneList scenes;
+        addBasicScenes(scenes);
+        addCoverageScenes(scenes);
+        addDepthScenes(scenes);
+        addTextureScenes(scenes);
+        addStateScenes(scenes);
+        addShaderScenes(scenes);
+        addInputScenes(scenes);
+        return scenes;
+    }();
+    return kScenes;
+}
+
+} // namespace pumice::cts
