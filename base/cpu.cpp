@@ -65,8 +65,8 @@ std::vector<Hierarchy> mountedHierarchies(const std::string& root) {
     auto after = split(line.substr(dash + 3), ' ');
     if (before.size() < 5 || after.size() < 3) continue;
     if (after[0] != "cgroup" && after[0] != "cgroup2") continue;
-    found.push_back({after[0] == "cgroup2", std::string(before[4]), std::string(before[3]),
-                     std::string(after[2])});
+    found.push_back(
+        {after[0] == "cgroup2", std::string(before[4]), std::string(before[3]), std::string(after[2])});
   }
   return found;
 }
@@ -81,14 +81,15 @@ std::vector<std::string> groupDirectories(const std::string& root, const Hierarc
     group.remove_prefix(mounted.size());
   else if (mounted != "/")
     group = "";
+  const std::string top = root + hierarchy.mountPoint;
   std::vector<std::string> directories;
   std::string path(group);
   while (!path.empty() && path != "/") {
-    if (path.find("/..") == std::string::npos) directories.push_back(root + hierarchy.mountPoint + path);
+    if (path.find("/..") == std::string::npos) directories.push_back(top + path);
     size_t slash = path.rfind('/');
     path.resize(slash == std::string::npos ? 0 : slash);
   }
-  directories.push_back(root + hierarchy.mountPoint);
+  directories.push_back(top);
   return directories;
 }
 

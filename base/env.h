@@ -23,8 +23,8 @@ enum class EnvVar : int {
 
 struct EnvInfo {
   const char* name;
-  const char* values;       // what it may be set to, for people
-  const char* fallback;     // what holds when it is not set, for people
+  const char* values;    // what it may be set to, for people
+  const char* fallback;  // what holds when it is not set, for people
   const char* description;
 };
 

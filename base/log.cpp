@@ -87,12 +87,12 @@ void logMessage(LogLevel level, const char* format, ...) {
   va_end(args);
 }
 
-#define PUMICE_DEFINE_LOG(level)               \
-  void log##level(const char* format, ...) {   \
-    va_list args;                              \
-    va_start(args, format);                    \
+#define PUMICE_DEFINE_LOG(level)                     \
+  void log##level(const char* format, ...) {         \
+    va_list args;                                    \
+    va_start(args, format);                          \
     LogAccess::write(LogLevel::level, format, args); \
-    va_end(args);                              \
+    va_end(args);                                    \
   }
 PUMICE_DEFINE_LOG(Error)
 PUMICE_DEFINE_LOG(Warn)

@@ -107,10 +107,10 @@ class [[nodiscard]] Result<void> {
 using Status = Result<void>;
 
 // Leaves the calling function with the error of a Status or Result, if it has one.
-#define PUMICE_TRY(expression)                                         \
-  do {                                                                 \
-    auto pumiceStatus_ = (expression);                                 \
-    if (!pumiceStatus_) return std::move(pumiceStatus_).error();       \
+#define PUMICE_TRY(expression)                                   \
+  do {                                                           \
+    auto pumiceStatus_ = (expression);                           \
+    if (!pumiceStatus_) return std::move(pumiceStatus_).error(); \
   } while (false)
 
 }  // namespace pumice::base

@@ -49,8 +49,8 @@ Result<Thread> Thread::start(std::string name, std::function<void()> body) {
   ::pthread_sigmask(SIG_SETMASK, &all, &before);
   int problem = ::pthread_create(&thread.handle_, nullptr, threadMain, info.get());
   ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
-  if (problem) return errorf("cannot start thread %s: %s", info->name.c_str(), std::strerror(problem));
-  info.release();
+  if (problem) return errorf("cannot start thread %s: %s", info->name.c_str(), ::strerrordesc_np(problem));
+  (void)info.release();
   thread.started_ = true;
   thread.process_ = ::getpid();
   return thread;

@@ -60,7 +60,9 @@ class ThreadPool {
   void parallelFor(uint32_t count, Function&& fn) {
     using Plain = std::remove_reference_t<Function>;
     run(count, const_cast<void*>(static_cast<const void*>(&fn)),
-        [](void* context, uint32_t index, unsigned worker) { (*static_cast<Plain*>(context))(index, worker); });
+        [](void* context, uint32_t index, unsigned worker) {
+          (*static_cast<Plain*>(context))(index, worker);
+        });
   }
 
  private:

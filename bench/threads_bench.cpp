@@ -12,7 +12,10 @@ void parallelForEmpty(benchmark::State& state) {
   ThreadPool pool(static_cast<unsigned>(state.range(0)));
   for (auto _ : state) pool.parallelFor(uint32_t(state.range(1)), [](uint32_t, unsigned) {});
 }
-BENCHMARK(parallelForEmpty)->ArgNames({"threads", "items"})->ArgsProduct({{1, 2, 4}, {1, 2, 16, 1024}})->UseRealTime();
+BENCHMARK(parallelForEmpty)
+    ->ArgNames({"threads", "items"})
+    ->ArgsProduct({{1, 2, 4}, {1, 2, 16, 1024}})
+    ->UseRealTime();
 
 // Items of about 20 microseconds, as many as a picture of 1280 x 1024 has tiles.
 void parallelForTiles(benchmark::State& state) {

@@ -43,7 +43,8 @@ TEST_F(FakeRoot, NoControlGroupsMeansNoLimits) {
 
 TEST_F(FakeRoot, Version2TakesTheTightestOfAllLevels) {
   write("/proc/self/cgroup", "0::/outer/inner\n");
-  write("/proc/self/mountinfo", "30 23 0:26 / /sys/fs/cgroup rw,nosuid shared:4 - cgroup2 cgroup2 rw,nsdelegate\n");
+  write("/proc/self/mountinfo",
+        "30 23 0:26 / /sys/fs/cgroup rw,nosuid shared:4 - cgroup2 cgroup2 rw,nsdelegate\n");
   write("/sys/fs/cgroup/outer/inner/cpu.max", "max 100000\n");
   write("/sys/fs/cgroup/outer/inner/memory.max", "3000000\n");
   write("/sys/fs/cgroup/outer/inner/memory.high", "max\n");
