@@ -1,0 +1,33 @@
+// Addresses of elements in image memory as lane IR: the counterpart of ImageLayout::elementOffset.
+#pragma once
+
+#include "texture/builders.h"
+
+namespace pumice::texture {
+
+//! Fields of an image descriptor in set memory, loaded where they are used (equal loads merge, unused ones vanish).
+struct ImageFields {
+  ir::Builder& b;
+  const ImageRef& ref;
+
+  ir::Value i32(size_t offset) const { return b.tableLoad(ir::Type::I32, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); }
+  ir::Value i64(size_t offset) const { return b.tableLoad(ir::Type::I64, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); }
+  ir::Value f32(size_t offset) const { return b.tableLoad(ir::Type::F32, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); }
+};
+
+//! Where a slice (one level, layer, depth slice, sample) of a view begins; everything that may vary within it is an i32 offset
+//! (a slice has less than 4 GiB: 16384 x 16384 texels of 16 bytes).
+struct SliceAddress {
+  ir::Value base = 0;      //!< i64
+  ir::Value size = 0;      //!< i64, bytes from base that may be accessed
+  ir::Value rowPitch = 0;  //!< i32
+};
+
+//! `level` (i32) counts from the view's base; 0 = none: level 0. Absent layer, z, sample are none.
+SliceAddress sliceAddress(const ImageFields& f, ir::Value level, ir::Value layer, ir::Value z, ir::Value sample);
+
+//! Offset (i32) of element column x, and of row y: their sum is the element's offset in its slice.
+ir::Value columnOffset(ir::Builder& b, bool tiled, uint32_t elementBytes, ir::Value x);
+ir::Value rowOffset(ir::Builder& b, bool tiled, uint32_t elementBytes, ir::Value rowPitch, ir::Value y);
+
+}  // namespace pumice::texture

@@ -1,0 +1,16 @@
+// Parts of unpack() that sampling uses on their own.
+#pragma once
+
+#include "texture/builders.h"
+
+namespace pumice::texture {
+
+//! unpack() without the division of Unorm components by 2^n - 1: filtering is linear, so one division after it does.
+Texel unpackUnscaled(ir::Builder& b, const FormatInfo& f, const RawElement& raw);
+//! The division that unpackUnscaled() left out.
+Texel scaleTexel(ir::Builder& b, const FormatInfo& f, const Texel& unscaled);
+
+//! Loads an element's raw words; outside `size` they are zero.
+RawElement loadRaw(ir::Builder& b, const FormatInfo& f, ir::Value base, ir::Value offset, ir::Value size, bool constant);
+
+}  // namespace pumice::texture

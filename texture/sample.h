@@ -1,0 +1,62 @@
+// The parts of expandImage(): operands by name, texel fetches, level of detail, filters.
+#pragma once
+
+#include "texture/address.h"
+#include "texture/pack.h"
+
+namespace pumice::texture {
+
+//! An image instruction's operands by name (0 = absent).
+struct ImageOperandValues {
+  ir::Value coordinate[3] = {};
+  ir::Value layer = 0;          //!< of arrayed operations; f32 for samples, i32 otherwise
+  ir::Value dref = 0, bias = 0, lod = 0, sample = 0, minLod = 0, gatherComponent = 0;
+  ir::Value ddx[3] = {}, ddy[3] = {};
+  ir::Value offset[3] = {};
+  ir::Value offsets[4][2] = {};
+  std::span<const ir::Value> data;  //!< texel of writes, value (and comparator) of atomics
+};
+
+//! Everything that building one image instruction needs.
+struct ImageBuild {
+  ir::Builder& b;
+  const ir::ImageOpInfo& op;
+  const ImageRef& image;
+  const SamplerRef& sampler;
+  ImageFields fields;
+  const FormatInfo& format;      //!< of the view's plane
+  unsigned dimensions;           //!< of the addressed texels: 2 for cubes
+  ImageOperandValues in;
+
+  bool isCube() const { return op.dim == ir::ImageDim::Cube; }
+  bool integer() const { return format.isInteger(); }
+  ir::Value zero() const { return integer() ? b.i32(0) : b.f32(0.0f); }
+  //! Size of dimension i (0..2) of a level (none: the view's first).
+  ir::Value extent(unsigned i, ir::Value level) const;
+};
+
+//! Level of detail of the accessed point, lambda before and after clamping; for cubes derivatives are those of the face.
+struct LevelOfDetail {
+  ir::Value unclamped = 0;
+  ir::Value clamped = 0;
+};
+LevelOfDetail levelOfDetail(ImageBuild& s, const ir::Value (&ddx)[3], const ir::Value (&ddy)[3]);
+
+//! Face coordinates of a cube direction (spec, "Cube Map Face Selection and Transformations").
+struct CubeFace {
+  ir::Value face = 0;            //!< i32 0..5
+  ir::Value s = 0, t = 0;        //!< in [0, 1]
+  ir::Value ddx[3] = {}, ddy[3] = {};  //!< of s and t, where derivatives were given
+};
+CubeFace cubeFace(ir::Builder& b, const ir::Value (&direction)[3], const ir::Value* ddx, const ir::Value* ddy);
+
+//! Sample and Gather: four components before the view's swizzle is applied (Gather: after).
+Texel sampleImage(ImageBuild& s, const char** error);
+Texel gatherImage(ImageBuild& s, const char** error);
+//! The level of detail query: levels accessed, unclamped level of detail.
+std::vector<ir::Value> queryLod(ImageBuild& s);
+
+//! Applies a view's component swizzle.
+Texel swizzle(ir::Builder& b, const ViewKey& key, bool integer, const Texel& t);
+
+}  // namespace pumice::texture
