@@ -13,7 +13,9 @@ namespace pumice::base {
 #define PUMICE_ENV_LIST(X)                                                                        \
   X(Log, "PUMICE_LOG", "off, error, warn, info, debug", "error", "how much is written to stderr") \
   X(Threads, "PUMICE_THREADS", "1 to 1024", "what the process may use",                           \
-    "number of threads that draw, the one that asks included")
+    "number of threads that draw, the one that asks included")                                    \
+  X(Isa, "PUMICE_ISA", "scalar, sse4, avx2, avx512", "the best of this processor",                \
+    "instruction set of the interpreter's kernels")
 
 enum class EnvVar : int {
 #define PUMICE_ENV_ID(id, name, values, fallback, description) id,

@@ -19,6 +19,9 @@ using base::Result;
 //! Longest row. 128 lanes of f32 with a register file of 13 to 26 KiB measured best (64 of f64).
 constexpr uint32_t kMaxLanes = 128;
 
+//! Lanes of a subgroup: a run of consecutive lanes, the same on every machine.
+constexpr uint32_t kSubgroupLanes = 32;
+
 struct Table {
   const std::byte* data = nullptr;
   uint64_t size = 0;
@@ -36,7 +39,7 @@ constexpr uint32_t kMaxTilePlanes = 160;  //!< (8 colours + depth + stencil) x 1
 struct ExecContext {
   uint32_t lanes = 0;                               //!< 1..kMaxLanes; a multiple of 4 when the routine uses quads
   uint64_t active[kMaxLanes / 64] = {};             //!< bit per lane: active at the start
-  const void* const* inputs = nullptr;              //!< rows by input slot
+  const void* const* inputs = nullptr;              //!< rows by input slot (a mask row: kMaxLanes bits)
   void* const* outputs = nullptr;                   //!< rows by output slot
   const Table* tables = nullptr;                    //!< kTableCount tables
   const std::byte* const* quadRecords = nullptr;    //!< per quad: the record QuadLoad reads

@@ -1,0 +1,188 @@
+#include "spirv_interp/interpreter/analysis.h"
+
+#include <algorithm>
+#include <unordered_map>
+
+namespace pumice::interp {
+namespace {
+
+using ir::Function, ir::Inst, ir::Op, ir::Value;
+
+bool isPure(Op op) { return ir::opInfo(op).flags & ir::kPure; }
+bool isSign(Op op) { return op == Op::FNeg || op == Op::FAbs; }
+//! Makes a NaN of its own.
+bool isArithmetic(Op op) {
+  return (ir::opInfo(op).operands == ir::OperandRule::Float && !isSign(op)) || op == Op::FToF;
+}
+
+NanBits join(NanBits a, NanBits b) { return std::max(a, b); }
+
+void findNeeded(const Function& f, Analysis& a) {
+  const size_t n = f.insts.size();
+  a.needed.assign(n, 0);
+  std::vector<uint8_t> read(n, 0);   // vars that somebody reads
+  for (Value v = 1; v < n; v++)
+    if (f.insts[v].op == Op::VarGet) read[f.operands(v)[0]] = 1;
+  for (Value v = Value(n); v-- > 1;) {
+    const Inst& i = f.insts[v];
+    const bool root = (ir::opInfo(i.op).flags & ir::kEffect) && i.op != Op::Var && i.op != Op::LocalAlloc &&
+                      (i.op != Op::VarSet || read[f.operands(v)[0]]);
+    if (root) a.needed[v] = 1;
+    if (!a.needed[v]) continue;
+    for (Value o : f.operands(v)) a.needed[o] = 1;
+  }
+}
+
+void findUniform(const Function& f, Analysis& a) {
+  a.uniform.assign(f.insts.size(), 0);
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (i.rate > ir::Rate::Draw || !isPure(i.op) || i.type == ir::Type::None) continue;
+    const auto operands = f.operands(v);
+    a.uniform[v] = std::all_of(operands.begin(), operands.end(), [&](Value o) { return a.uniform[o] != 0; });
+  }
+}
+
+bool isNan(ir::Type t, uint64_t bits) {
+  switch (ir::typeBytes(t)) {
+    case 2: return (bits & 0x7fff) > 0x7c00;
+    case 4: return (bits & 0x7fffffff) > 0x7f800000;
+    default: return (bits & 0x7fffffffffffffff) > 0x7ff0000000000000;
+  }
+}
+
+void findNan(const Function& f, Analysis& a) {
+  const size_t n = f.insts.size();
+  a.nan.assign(n, NanBits::Settled);
+  // Variables feed back through loops: repeat until nothing rises.
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (Value v = 1; v < n; v++) {
+      const Inst& i = f.insts[v];
+      const auto o = f.operands(v);
+      if (i.op == Op::VarSet) {
+        const NanBits set = join(a.nan[o[0]], a.nan[o[1]]);
+        if (set != a.nan[o[0]]) {
+          a.nan[o[0]] = set;
+          changed = true;
+        }
+        continue;
+      }
+      if (!ir::isFloat(i.type) || i.op == Op::Var) continue;
+      NanBits r = NanBits::Kept;
+      if (i.op == Op::Const) r = isNan(i.type, i.imm) ? NanBits::Kept : NanBits::Settled;
+      else if (isArithmetic(i.op)) r = NanBits::Arithmetic;
+      else if (i.op == Op::SToF || i.op == Op::UToF) r = NanBits::Settled;
+      else if (i.op == Op::Select) r = join(a.nan[o[1]], a.nan[o[2]]);
+      else if (i.op == Op::VarGet || i.op == Op::QuadSwizzle) r = a.nan[o[0]];
+      if (r != a.nan[v]) {
+        a.nan[v] = r;
+        changed = true;
+      }
+    }
+  }
+}
+
+void findExposed(const Function& f, Analysis& a) {
+  const size_t n = f.insts.size();
+  a.exposed.assign(n, 0);
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (Value v = Value(n); v-- > 1;) {
+      const Inst& i = f.insts[v];
+      const auto o = f.operands(v);
+      for (size_t k = 0; k < o.size(); k++) {
+        if (!ir::isFloat(f.type(o[k])) || a.exposed[o[k]]) continue;
+        bool exposes;
+        if (i.op == Op::VarSet) exposes = a.exposed[o[0]];
+        else if (i.op == Op::Select || i.op == Op::VarGet || i.op == Op::QuadSwizzle || isSign(i.op)) exposes = a.exposed[v];
+        else exposes = !isArithmetic(i.op) && i.op != Op::FToS && i.op != Op::FToU && ir::opInfo(i.op).operands != ir::OperandRule::CmpF;
+        if (exposes) {
+          a.exposed[o[k]] = 1;
+          changed = true;
+        }
+      }
+    }
+  }
+}
+
+//! For every instruction its innermost loop; loops by their first instruction.
+struct Loops {
+  std::vector<uint32_t> of;                               //!< index in `list` + 1, 0 = none
+  struct Loop { Value begin, end; uint32_t parent; };
+  std::vector<Loop> list;
+
+  explicit Loops(const Function& f) : of(f.insts.size(), 0) {
+    uint32_t current = 0;
+    for (Value v = 1; v < f.insts.size(); v++) {
+      if (f.insts[v].op == Op::Loop) {
+        list.push_back({v, v, current});
+        current = uint32_t(list.size());
+      }
+      of[v] = current;
+      if (f.insts[v].op == Op::EndLoop) {
+        list[current - 1].end = v;
+        current = list[current - 1].parent;
+      }
+    }
+  }
+  //! Until when a value defined at `def` must live for a use at `at`.
+  Value extend(Value def, Value at) const {
+    Value until = at;
+    for (uint32_t l = of[at]; l && list[l - 1].begin > def; l = list[l - 1].parent) until = list[l - 1].end;
+    return until;
+  }
+};
+
+void findVariables(const Function& f, Analysis& a) {
+  const size_t n = f.insts.size();
+  const Loops loops(f);
+  a.aliasesVar.assign(n, 0);
+  a.setFirst.assign(n, 0);
+  std::vector<Value> lastUse(n, 0);
+  for (Value v = Value(n); v-- > 1;) {
+    if (!a.needed[v]) continue;
+    // A bit cast may itself stand for its operand's row.
+    const Value at = f.insts[v].op == Op::BitCast ? std::max(v, lastUse[v]) : v;
+    for (Value o : f.operands(v)) lastUse[o] = std::max(lastUse[o], std::max(loops.extend(o, v), loops.extend(o, at)));
+  }
+  std::unordered_map<Value, std::vector<Value>> sets;
+  std::vector<uint32_t> region(n, 0);
+  std::vector<uint32_t> stack{0};
+  uint32_t regions = 0;
+  std::vector<uint8_t> seen(n, 0);
+  for (Value v = 1; v < n; v++) {
+    const Inst& i = f.insts[v];
+    if (i.op == Op::Else || i.op == Op::EndIf || i.op == Op::EndLoop || i.op == Op::EndBlock) stack.pop_back();
+    region[v] = stack.back();
+    if (i.op == Op::If || i.op == Op::Else || i.op == Op::Loop || i.op == Op::Block) stack.push_back(++regions);
+    if (!a.needed[v]) continue;
+    if (i.op == Op::VarSet) sets[f.operands(v)[0]].push_back(v);
+    if ((i.op == Op::VarSet || i.op == Op::VarGet) && !seen[f.operands(v)[0]]) {
+      const Value var = f.operands(v)[0];
+      seen[var] = 1;
+      // Lanes that are active later in this region are active here.
+      a.setFirst[var] = i.op == Op::VarSet && region[v] == region[var];
+    }
+  }
+  for (Value v = 1; v < n; v++) {
+    if (f.insts[v].op != Op::VarGet || !a.needed[v]) continue;
+    const std::vector<Value>& s = sets[f.operands(v)[0]];
+    const auto next = std::upper_bound(s.begin(), s.end(), v);
+    a.aliasesVar[v] = next == s.end() || *next >= lastUse[v];
+  }
+}
+
+}  // namespace
+
+Analysis analyse(const Function& f) {
+  Analysis a;
+  findNeeded(f, a);
+  findUniform(f, a);
+  findNan(f, a);
+  findExposed(f, a);
+  findVariables(f, a);
+  return a;
+}
+
+}  // namespace pumice::interp

@@ -1,0 +1,115 @@
+#include <alloca.h>
+
+#include <cstring>
+#include <memory>
+
+#include "spirv_interp/interpreter/lower.h"
+
+namespace pumice::interp {
+namespace {
+
+constexpr size_t kAlign = 64;
+constexpr size_t kMaxStackBytes = 96 * 1024;
+
+//! Memory of a thread for routines too big for its stack: register file and local memory.
+class Scratch {
+ public:
+  ~Scratch() { operator delete(data_, std::align_val_t(kAlign)); }
+  std::byte* get(size_t bytes) {
+    if (bytes > size_) {
+      operator delete(data_, std::align_val_t(kAlign));
+      size_ = 0;
+      data_ = static_cast<std::byte*>(operator new(bytes, std::align_val_t(kAlign), std::nothrow));
+      if (data_) size_ = bytes;
+    }
+    return data_;
+  }
+
+ private:
+  std::byte* data_ = nullptr;
+  size_t size_ = 0;
+};
+thread_local Scratch scratch;
+
+void execute(RunState& s, const Code* c) {
+  while (c) c = c->run(s, c);
+}
+
+void start(RunState& s, uint32_t lanes, const uint64_t* active) {
+  s.lanes = lanes;
+  s.rounded = (lanes + 15) & ~15u;
+  for (unsigned w = 0; w < kMaskWords; w++) {
+    const uint32_t before = w * 64;
+    s.all[w] = lanes <= before ? 0 : lanes - before >= 64 ? ~uint64_t(0) : (uint64_t(1) << (lanes - before)) - 1;
+    s.exec[w] = active[w] & s.all[w];
+  }
+}
+
+class Interpreted final : public Executable {
+ public:
+  explicit Interpreted(Program p) : p_(std::move(p)) {}
+
+  UniformBank preamble(const Table* tables) const override {
+    UniformBank bank;
+    bank.slots = std::make_unique<uint64_t[]>(p_.slots + 1);
+    for (const Program::Constant& c : p_.constants) bank.slots[c.slot] = c.bits;
+    if (p_.preamble.size() <= 1) return bank;
+    const uint64_t active[kMaskWords] = {1};
+    const ExecContext none;
+    RunState s;
+    start(s, 1, active);
+    s.registers = scratch.get(p_.preambleRegisters + kAlign);
+    if (!s.registers) return bank;
+    s.uniforms = reinterpret_cast<const std::byte*>(bank.slots.get());
+    s.local = nullptr;
+    s.bankOut = bank.slots.get();
+    s.tables = tables;
+    s.context = &none;
+    execute(s, p_.preamble.data());
+    return bank;
+  }
+
+  void run(const UniformBank& bank, const ExecContext& context) const override {
+    RunState s;
+    start(s, context.lanes, context.active);
+    if (s.none()) return;
+    const size_t bytes = p_.bodyRegisters + p_.localBytes + kAlign;
+    if (bytes <= kMaxStackBytes) {
+      void* memory = alloca(bytes);
+      s.registers = reinterpret_cast<std::byte*>((reinterpret_cast<uintptr_t>(memory) + kAlign - 1) & ~uintptr_t(kAlign - 1));
+    } else {
+      s.registers = scratch.get(bytes);
+      if (!s.registers) return;   // out of memory: the row is not drawn
+    }
+    s.uniforms = reinterpret_cast<const std::byte*>(bank.slots.get());
+    s.local = s.registers + p_.bodyRegisters;
+    s.bankOut = nullptr;
+    s.tables = context.tables;
+    s.context = &context;
+    execute(s, p_.body.data());
+  }
+
+  size_t instructionCount() const override { return p_.body.size(); }
+  size_t preambleInstructionCount() const override { return p_.preamble.size(); }
+  size_t registerBytes() const override { return p_.bodyRegisters; }
+
+ private:
+  Program p_;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<Executable>> compileInterpreterFor(const ir::Function& source, const CompileOptions& options, const Target& target) {
+  ir::Function f = source;
+  ir::lowerMath(f, options.numerics);
+  ir::computeRates(f);
+  Result<Program> program = lower(f, kernelTable(target));
+  if (!program) return std::move(program).error();
+  return std::unique_ptr<Executable>(std::make_unique<Interpreted>(std::move(program).value()));
+}
+
+Result<std::unique_ptr<Executable>> compileInterpreter(const ir::Function& f, const CompileOptions& options) {
+  return compileInterpreterFor(f, options, defaultTarget());
+}
+
+}  // namespace pumice::interp
