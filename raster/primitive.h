@@ -22,6 +22,8 @@ constexpr int kSubpixelOne = 1 << kSubpixelBits;
 constexpr uint32_t kGridCell = 64;          //!< pixels: planes are re-based to the corner of this fixed framebuffer grid
 constexpr uint32_t kMaxVaryings = 128;      //!< scalar components between vertex and fragment stage
 constexpr uint32_t kMaxViewports = 1;
+constexpr float kMinPointSize = 1, kMaxPointSize = 1024;   //!< pixels (pointSizeRange)
+constexpr float kMinLineWidth = 1, kMaxLineWidth = 64;     //!< pixels (lineWidthRange, if wideLines is reported); strictLines is false
 
 enum class VaryingMode : uint8_t { Perspective, Linear, Flat };
 

@@ -43,7 +43,7 @@ class BlockSink {
   virtual void block(uint32_t x, uint32_t y, const uint16_t* masks) = 0;
 };
 
-//! Rasterizes one primitive within a tile (64 -> 16 -> 4 descent) at 1, 2, 4, 8 or 16 standard sample locations,
+//! Rasterizes one primitive within tile (tileX, tileY), counted in tiles (64 -> 16 -> 4 descent) at 1, 2, 4, 8 or 16 standard sample locations,
 //! limited to `bounds` (scissor and render area).
 void rasterize(const Primitive& primitive, uint32_t tileX, uint32_t tileY, const VkRect2D& bounds, uint32_t samples, BlockSink& sink);
 

@@ -1,0 +1,93 @@
+// Bins, sample locations and fragment records.
+#include <algorithm>
+#include <bit>
+#include <cstring>
+
+#include "raster/tiles.h"
+
+namespace pumice::raster {
+
+void Bins::add(uint32_t draw, const Primitive& p) {
+  constexpr int32_t kTile = int32_t(kTileSize);
+  if (p.maxX < 0 || p.maxY < 0 || p.minX > p.maxX || p.minY > p.maxY) return;
+  const int32_t x0 = std::max(p.minX, 0) / kTile, x1 = std::min(p.maxX / kTile, int32_t(grid_.tilesX) - 1);
+  const int32_t y0 = std::max(p.minY, 0) / kTile, y1 = std::min(p.maxY / kTile, int32_t(grid_.tilesY) - 1);
+  if (x0 > x1 || y0 > y1) return;
+  const BinEntry entry{draw, &p};
+  if (x0 == x1 && y0 == y1) {
+    tiles_[size_t(y0) * grid_.tilesX + x0].push_back(entry);
+    return;
+  }
+  // A tile is left out when even its corner that is deepest inside lies outside one edge. Samples lie on
+  // [0, 255] / 256 of their pixel, so the tile spans [0, last] in 1/256 pixels.
+  constexpr int64_t kSpan = int64_t(kTile) * kSubpixelOne;
+  constexpr int64_t kLast = kSpan - 1;
+  for (int32_t y = y0; y <= y1; y++) {
+    for (int32_t x = x0; x <= x1; x++) {
+      bool touches = true;
+      for (uint32_t e = 0; e < p.edgeCount; e++) {
+        const Edge& edge = p.edges[e];
+        const int64_t cornerX = x * kSpan + (edge.a > 0 ? kLast : 0);
+        const int64_t cornerY = y * kSpan + (edge.b > 0 ? kLast : 0);
+        touches &= edge.a * cornerX + edge.b * cornerY + edge.c >= 0;
+      }
+      if (touches) tiles_[size_t(y) * grid_.tilesX + x].push_back(entry);
+    }
+  }
+}
+
+bool Bins::empty() const {
+  return std::all_of(tiles_.begin(), tiles_.end(), [](const auto& tile) { return tile.empty(); });
+}
+
+void Bins::clear() {
+  for (auto& tile : tiles_) tile.clear();
+}
+
+namespace {
+
+using Location = std::array<uint8_t, 2>;
+constexpr Location kSamples1[] = {{8, 8}};
+constexpr Location kSamples2[] = {{12, 12}, {4, 4}};
+constexpr Location kSamples4[] = {{6, 2}, {14, 6}, {2, 10}, {10, 14}};
+constexpr Location kSamples8[] = {{9, 5}, {7, 11}, {13, 9}, {5, 3}, {3, 13}, {1, 7}, {11, 15}, {15, 1}};
+constexpr Location kSamples16[] = {{9, 9},  {7, 5},  {5, 10}, {12, 7}, {3, 6},  {10, 13}, {13, 11}, {11, 3},
+                                   {6, 14}, {8, 1},  {4, 2},  {2, 12}, {0, 8},  {15, 4},  {14, 15}, {1, 0}};
+
+}  // namespace
+
+std::span<const Location> sampleLocations(uint32_t samples) {
+  switch (samples) {
+    case 2: return kSamples2;
+    case 4: return kSamples4;
+    case 8: return kSamples8;
+    case 16: return kSamples16;
+    default: return kSamples1;
+  }
+}
+
+void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record) {
+  RecordHeader header;
+  header.frontFacing = p.frontFacing ? ~0u : 0u;
+  header.primitiveId = p.primitiveId;
+  header.cellX = float(cellX);
+  header.cellY = float(cellY);
+  std::memcpy(record, &header, sizeof header);
+  std::byte* out = record + kRecordPlanes;
+  for (size_t i = 0; i < 2 + varyings.size(); i++, out += 12) {
+    float words[3];
+    if (i >= 2 && varyings[i - 2].mode == VaryingMode::Flat) {
+      words[0] = 0;
+      std::memcpy(&words[0], &p.flat[i - 2], 4);
+      words[1] = words[2] = 0;
+    } else {
+      const Plane& plane = p.planes[i];
+      words[0] = float(plane.origin + plane.dx * double(cellX) + plane.dy * double(cellY));
+      words[1] = float(plane.dx);
+      words[2] = float(plane.dy);
+    }
+    std::memcpy(out, words, sizeof words);
+  }
+}
+
+}  // namespace pumice::raster

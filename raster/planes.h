@@ -1,0 +1,66 @@
+// Planes of depth, 1/w and varyings, in double.
+//
+// From which positions? From the exact ones, not the snapped: those are what the specification's formulas name, and the error
+// against the exact picture is then that of the final float evaluation only. A sample may lie inside the snapped triangle and up
+// to 1/256 pixel outside of the exact one; in a triangle that is thinner than kThinPixels such extrapolation is no longer small
+// against the triangle's own range of values, so there the planes come from the snapped positions: every covered sample then
+// interpolates between the vertices' values.
+#pragma once
+
+#include "raster/clip.h"
+
+namespace pumice::raster {
+
+constexpr double kThinPixels = 0.25;
+
+//! One of a primitive's own vertices, and its slot in VertexOutputs.
+struct SetupVertex {
+  ClipVertex clip;
+  uint32_t slot;
+};
+
+struct PlaneSet {
+  Plane* planes = nullptr;
+  uint32_t* flat = nullptr;
+  float minZ = 0, maxZ = 0;
+};
+
+//! A corner of the primitive on the screen, from which planes are made: pixels, and what it is made of.
+struct ScreenVertex {
+  double x, y;
+  ClipVertex clip;
+};
+
+class PlaneBuilder {
+ public:
+  PlaneBuilder(const SetupState& state, const VertexOutputs& vertices, const ViewTransform& view, base::Arena& arena)
+      : state_(state), vertices_(vertices), view_(view), arena_(arena) {}
+
+  //! Planes through three corners with positive w (exact or snapped positions). The corners are the own vertices, in their order.
+  bool fromOwnCorners(const SetupVertex* own, uint32_t provoking, const double* x, const double* y, PlaneSet& set);
+  //! The same for any three corners made of the own vertices. False: out of memory or no finite plane.
+  bool fromCorners(const SetupVertex* own, uint32_t provoking, const ScreenVertex (&corners)[3], PlaneSet& set);
+  //! Planes of a clipped triangle from its own three vertices, some with w <= 0: the homogeneous plane equations (Olano and Greer,
+  //! "Triangle scan conversion using 2D homogeneous coordinates", 1997). (referenceX, referenceY): a pixel of the visible part.
+  bool fromHomogeneous(const SetupVertex* own, uint32_t provoking, double referenceX, double referenceY, PlaneSet& set);
+  //! Values that change along the segment only (lines).
+  bool fromSegment(const SetupVertex* own, uint32_t provoking, const ScreenVertex& from, const ScreenVertex& to, PlaneSet& set);
+  //! Values that are the same everywhere (points).
+  bool fromPoint(const SetupVertex& own, PlaneSet& set);
+
+  //! Applies the depth bias and finds bounds of depth that hold for every value the fragment routine may compute, from the visible
+  //! polygon's corners. Samples lie at most `reach` pixels outside of that polygon.
+  void finishDepth(const ClipVertex* polygon, uint32_t count, double reach, bool bias, PlaneSet& set);
+
+ private:
+  template <typename Solve>
+  bool fill(uint32_t ownCount, const SetupVertex* own, uint32_t provoking, PlaneSet& set, Solve&& solve);
+  bool allocate(PlaneSet& set);
+
+  const SetupState& state_;
+  const VertexOutputs& vertices_;
+  const ViewTransform& view_;
+  base::Arena& arena_;
+};
+
+}  // namespace pumice::raster

@@ -1,0 +1,202 @@
+#include "raster_fixture.h"
+
+namespace pumice::raster::test {
+namespace {
+
+using Corners = std::array<std::array<int64_t, 2>, 3>;
+
+constexpr uint32_t kSize = 256;  // a power of two: positions on the grid come through the viewport exactly
+
+Draw drawOf(const Corners& c, uint32_t samples) {
+  Draw draw(kSize, kSize);
+  draw.state.samples = samples;
+  for (const auto& p : c) draw.addPixel(double(p[0]) / 256, double(p[1]) / 256);
+  draw.setup();
+  return draw;
+}
+
+// Compares every sample of the framebuffer (or of the triangle's surroundings) with the exact rule.
+void expectExact(const Corners& c, uint32_t samples, const VkRect2D* bounds = nullptr) {
+  Draw draw(kSize, kSize);
+  draw.state.samples = samples;
+  if (bounds) draw.state.bounds = *bounds;
+  for (const auto& p : c) draw.addPixel(double(p[0]) / 256, double(p[1]) / 256);
+  draw.setup();
+  Picture picture(kSize, kSize, samples);
+  picture.draw(draw);
+  const auto locations = sampleLocations(samples);
+  const VkRect2D b = draw.state.bounds;
+  for (uint32_t y = 0; y < kSize; y++)
+    for (uint32_t x = 0; x < kSize; x++)
+      for (uint32_t s = 0; s < samples; s++) {
+        const bool allowed = x >= uint32_t(b.offset.x) && x < b.offset.x + b.extent.width && y >= uint32_t(b.offset.y) &&
+                             y < b.offset.y + b.extent.height;
+        const bool expected = allowed && insideTriangle(c, x * 256 + locations[s][0] * 16, y * 256 + locations[s][1] * 16);
+        ASSERT_EQ(picture.at(x, y, s), expected)
+            << "pixel " << x << "," << y << " sample " << s << " of (" << c[0][0] << "," << c[0][1] << ") (" << c[1][0] << ","
+            << c[1][1] << ") (" << c[2][0] << "," << c[2][1] << ")";
+      }
+}
+
+Corners randomCorners(std::mt19937& random, int64_t low, int64_t high, int64_t grid) {
+  std::uniform_int_distribution<int64_t> place(low / grid, high / grid);
+  Corners c;
+  for (auto& p : c) p = {place(random) * grid, place(random) * grid};
+  return c;
+}
+
+constexpr uint32_t kSampleCounts[] = {1, 2, 4, 8, 16};
+
+TEST(Coverage, RandomTrianglesInsideTheFramebufferAreExact) {
+  std::mt19937 random(1);
+  for (int i = 0; i < 200; i++) expectExact(randomCorners(random, 0, kSize * 256, 1), kSampleCounts[i % 5]);
+}
+
+TEST(Coverage, TrianglesOnPixelCentresAndHalfPixelsAreExact) {
+  std::mt19937 random(2);
+  for (int i = 0; i < 200; i++) expectExact(randomCorners(random, 0, kSize * 256, i & 1 ? 128 : 64), kSampleCounts[i % 5]);
+}
+
+TEST(Coverage, SubpixelTrianglesAreExact) {
+  std::mt19937 random(3);
+  for (int i = 0; i < 300; i++) {
+    std::uniform_int_distribution<int64_t> place(0, (kSize - 8) * 256);
+    const int64_t x = place(random), y = place(random);
+    Corners c = randomCorners(random, 0, 16 << (i % 8), 1);
+    for (auto& p : c) p = {p[0] + x, p[1] + y};
+    expectExact(c, kSampleCounts[i % 5]);
+  }
+}
+
+TEST(Coverage, SliversAreExact) {
+  std::mt19937 random(4);
+  for (int i = 0; i < 200; i++) {
+    Corners c = randomCorners(random, 0, kSize * 256, 1);
+    std::uniform_int_distribution<int64_t> nudge(-3, 3);
+    // The third corner almost on the line of the others.
+    c[2] = {(c[0][0] + c[1][0]) / 2 + nudge(random), (c[0][1] + c[1][1]) / 2 + nudge(random)};
+    expectExact(c, kSampleCounts[i % 5]);
+  }
+}
+
+TEST(Coverage, LongEdgesAreExactAtEverySampleCount) {
+  // Up to just inside of the guard band: the edges that need 64 bits. Floats hold k * 256 / 256 pixels up to 2^20 exactly
+  // as clip coordinates of this viewport, when they are whole pixels.
+  std::mt19937 random(5);
+  for (int i = 0; i < 300; i++) {
+    const int64_t reach = int64_t(1) << (18 + i % 11);  // 2^10 to 2^20 pixels
+    Corners c = randomCorners(random, -reach + 512 * 256, reach - 512 * 256, 256);
+    expectExact(c, kSampleCounts[i % 5]);
+  }
+}
+
+TEST(Coverage, ScissorLimitsTheMasks) {
+  std::mt19937 random(6);
+  std::uniform_int_distribution<int32_t> place(0, kSize - 1);
+  for (int i = 0; i < 300; i++) {
+    VkRect2D bounds{{place(random), place(random)}, {}};
+    bounds.extent.width = uint32_t(place(random)) % (kSize - bounds.offset.x) + 1;
+    bounds.extent.height = uint32_t(place(random)) % (kSize - bounds.offset.y) + 1;
+    expectExact(randomCorners(random, -64 * 256, (kSize + 64) * 256, 2), kSampleCounts[i % 5], &bounds);
+  }
+}
+
+TEST(Coverage, RasterizeObeysBoundsTighterThanThePrimitive) {
+  Draw draw = drawOf({{{0, 0}, {512 * 256, 0}, {0, 512 * 256}}}, 1);
+  Picture picture(kSize, kSize, 1);
+  picture.draw(draw.primitives, {{5, 7}, {70, 3}});
+  EXPECT_EQ(picture.total(), 70u * 3);
+  EXPECT_EQ(picture.at(5, 7), 1);
+  EXPECT_EQ(picture.at(74, 9), 1);
+}
+
+TEST(Coverage, TopLeftRuleDecidesTies) {
+  // A square through pixel centres: left and top sides are in, right and bottom sides are out; either diagonal.
+  for (int turned = 0; turned < 2; turned++) {
+    const std::array<int64_t, 2> a{10 * 256 + 128, 20 * 256 + 128}, b{14 * 256 + 128, 20 * 256 + 128}, c{14 * 256 + 128, 24 * 256 + 128},
+        d{10 * 256 + 128, 24 * 256 + 128};
+    Picture picture(kSize, kSize, 1);
+    picture.draw(drawOf(turned ? Corners{a, b, d} : Corners{a, b, c}, 1));
+    picture.draw(drawOf(turned ? Corners{b, c, d} : Corners{c, d, a}, 1));
+    EXPECT_EQ(picture.total(), 16u);
+    for (uint32_t y = 20; y < 24; y++)
+      for (uint32_t x = 10; x < 14; x++) EXPECT_EQ(picture.at(x, y), 1) << x << "," << y;
+  }
+}
+
+TEST(Coverage, EveryTriangulationOfAMeshCoversEachSampleOnce) {
+  std::mt19937 random(7);
+  for (uint32_t samples : kSampleCounts)
+    for (int64_t grid : {1, 32, 128}) {
+      // A lattice over the whole framebuffer with jittered inner points, each cell cut along a random diagonal.
+      constexpr int kCells = 9;
+      std::array<std::array<std::array<int64_t, 2>, kCells + 1>, kCells + 1> points;
+      for (int y = 0; y <= kCells; y++)
+        for (int x = 0; x <= kCells; x++) {
+          std::uniform_int_distribution<int64_t> jitter(-6 * 256 / grid, 6 * 256 / grid);
+          auto place = [&](int i) { return i == 0 ? 0 : i == kCells ? kSize * 256 : (i * int64_t(kSize) * 256 / kCells + jitter(random) * grid) / grid * grid; };
+          points[y][x] = {place(x), place(y)};
+        }
+      Draw draw(kSize, kSize);
+      draw.state.samples = samples;
+      auto add = [&](const std::array<int64_t, 2>& p) { draw.addPixel(double(p[0]) / 256, double(p[1]) / 256); };
+      for (int y = 0; y < kCells; y++)
+        for (int x = 0; x < kCells; x++) {
+          const auto &a = points[y][x], &b = points[y][x + 1], &c = points[y + 1][x + 1], &d = points[y + 1][x];
+          const bool flip = random() & 1;
+          for (const auto& p : flip ? std::array{a, b, c, a, c, d} : std::array{b, d, a, d, b, c}) add(p);
+        }
+      draw.setup();
+      Picture picture(kSize, kSize, samples);
+      picture.draw(draw);
+      for (size_t i = 0; i < picture.counts.size(); i++) ASSERT_EQ(picture.counts[i], 1) << "sample index " << i;
+    }
+}
+
+TEST(Coverage, AFanAroundAPixelCentreCoversEachPixelOnce) {
+  for (int spokes : {3, 5, 17, 360}) {
+    Draw draw(kSize, kSize);
+    draw.state.topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN;
+    draw.addPixel(100.5, 90.5);
+    for (int i = 0; i <= spokes; i++)
+      draw.addPixel(100.5 + 2000 * std::cos(2 * M_PI * (i % spokes) / spokes), 90.5 + 2000 * std::sin(2 * M_PI * (i % spokes) / spokes));
+    draw.setup();
+    Picture picture(kSize, kSize, 1);
+    picture.draw(draw);
+    for (size_t i = 0; i < picture.counts.size(); i++) ASSERT_EQ(picture.counts[i], 1);
+  }
+}
+
+TEST(Coverage, FullScreenTriangleReportsEveryBlockOnce) {
+  Draw draw(128, 64);
+  draw.add({-1, -1});
+  draw.add({3, -1});
+  draw.add({-1, 3});
+  draw.setup();
+  Picture picture(128, 64, 1);
+  picture.draw(draw);
+  EXPECT_EQ(picture.total(), 128u * 64);
+}
+
+TEST(Bins, LeaveOutTilesBeyondAnEdge) {
+  Draw draw(1024, 1024);
+  draw.addPixel(0, 0);
+  draw.addPixel(1024, 0);
+  draw.addPixel(0, 1024);
+  draw.setup();
+  Bins bins{TileGrid(1024, 1024)};
+  EXPECT_TRUE(bins.empty());
+  for (const Primitive& p : draw.primitives) bins.add(3, p);
+  EXPECT_FALSE(bins.empty());
+  EXPECT_EQ(bins.tile(0).size(), 1u);
+  EXPECT_EQ(bins.tile(0)[0].draw, 3u);
+  EXPECT_EQ(bins.tile(15 * 16 + 15).size(), 0u);
+  size_t used = 0;
+  for (uint32_t t = 0; t < bins.grid().count(); t++) used += bins.tile(t).size();
+  EXPECT_LE(used, 16u * 17 / 2 + 15);
+  bins.clear();
+  EXPECT_TRUE(bins.empty());
+}
+
+}  // namespace
+}  // namespace pumice::raster::test
