@@ -54,18 +54,22 @@ constexpr uint32_t depthPlane(uint32_t sample, uint32_t samples) { return kMaxCo
 constexpr uint32_t stencilPlane(uint32_t sample, uint32_t samples) { return (kMaxColorAttachments + 1) * samples + sample; }
 static_assert(stencilPlane(15, 16) < interp::kMaxTilePlanes);
 
-//! Find or make the routine for a draw. Thread-safe; null (and a logged reason) if it cannot be made.
-const VertexRoutine* vertexRoutine(GraphicsPipeline& pipeline, const DrawState& draw);
-const FragmentRoutine* fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples);
+//! Find or make the routine for a draw. Thread-safe; null (and a reason logged once) if it cannot be made.
+std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& pipeline, const DrawState& draw);
+std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples);
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {
   std::unique_ptr<interp::Executable> code;
   std::array<uint32_t, 3> localSize{1, 1, 1};
   uint32_t sharedBytes = 0;
+  bool usesSubgroups = false;               //!< then a row never holds invocations of two work groups
 };
-const ComputeRoutine* computeRoutine(ComputePipeline& pipeline, const DispatchState& dispatch);
+std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& pipeline, const DispatchState& dispatch);
 
-//! Fills ir::kTableDraw's memory and the table list for a draw.
-void fillTables(const DrawState& draw, const DrawConstants& constants, interp::Tables& tables);
+//! The draw constants that come from state; vertexOffset and what follows it up to drawIndex are the draw command's.
+void fillConstants(const DrawState& draw, DrawConstants& constants);
+//! The table list of a draw. Everything pointed to must outlive the routines' runs.
+void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, const DrawConstants& constants,
+                interp::Tables& tables);
 
 }  // namespace pumice::pipeline

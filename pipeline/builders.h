@@ -1,0 +1,54 @@
+// The parts that routines are made of, and the pipelines they are made for. Internal to pipeline/.
+#pragma once
+
+#include "pipeline/expander.h"
+#include "pipeline/variants.h"
+
+namespace pumice::pipeline {
+
+class GraphicsPipeline {
+ public:
+  GraphicsState state;
+  std::shared_ptr<const Layout> layout;
+  std::shared_ptr<const frontend::Shader> vertex, fragment;   //!< fragment may be null: depth only
+  StageLink link;
+  ImageUses vertexImages, fragmentImages;
+  Variants<VertexKey, VertexRoutine> vertexVariants;
+  Variants<FragmentKey, FragmentRoutine> fragmentVariants;
+};
+
+struct ComputeKey {
+  std::vector<ImageState> images;
+  bool operator==(const ComputeKey&) const = default;
+};
+inline uint64_t hashKey(const ComputeKey& k) { return hashImages(k.images); }
+
+class ComputePipeline {
+ public:
+  std::shared_ptr<const Layout> layout;
+  std::shared_ptr<const frontend::Shader> shader;
+  ImageUses images;
+  Variants<ComputeKey, ComputeRoutine> variants;
+};
+
+base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
+base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
+base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
+
+//! A vertex attribute as the shader sees it: four components of the location's format, f32 or (integer formats) i32.
+texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location);
+
+//! Depth bounds, stencil and depth test of one sample, in this order, with their writes. `live` (0 = all active lanes) are the
+//! lanes to test; gives the lanes that pass (0 = all active). `depth` is f32, already clamped.
+ir::Value testSample(ir::Builder& b, const GraphicsState& state, uint32_t sample, ir::Value live, ir::Value depth);
+//! Whether testSample does anything.
+bool testsSamples(const GraphicsState& state);
+
+//! Blends, masks and stores one sample of a colour attachment for the active lanes. The sources are the shader's outputs with
+//! index 0 and 1 (dual source); i32 for integer formats.
+void writeColor(ir::Builder& b, const GraphicsState& state, uint32_t attachment, uint32_t sample, const texture::Texel& source,
+                const texture::Texel& source1);
+//! False when nothing of the attachment is ever written.
+bool writesColor(const GraphicsState& state, uint32_t attachment);
+
+}  // namespace pumice::pipeline

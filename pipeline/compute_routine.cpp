@@ -1,0 +1,70 @@
+// Compute shaders: built-ins from the rows of ids that dispatch() fills.
+#include "pipeline/builders.h"
+
+namespace pumice::pipeline {
+
+using ir::Op;
+using ir::Type;
+using ir::Value;
+
+namespace {
+
+constexpr uint32_t kSlotLocalId = 0, kSlotGroupId = 3;
+
+class ComputeExpander : public StageExpander {
+ public:
+  ComputeExpander(const ComputePipeline& p, const ComputeKey& key) : StageExpander(*p.shader, *p.layout, p.images, key.images) {}
+
+  Value builtin(ir::Builder& b, Type type, uint32_t builtIn, uint32_t c) override {
+    const auto& size = shader_.localSize;
+    const auto local = [&](uint32_t i) { return b.input(Type::I32, kSlotLocalId + i); };
+    const auto group = [&](uint32_t i) { return b.input(Type::I32, kSlotGroupId + i); };
+    Value v = 0;
+    switch (builtIn) {
+      case kLocalInvocationId: v = local(c); break;
+      case kWorkgroupId: v = group(c); break;
+      case kGlobalInvocationId: v = b.iadd(b.imul(group(c), b.i32(size[c])), local(c)); break;
+      case kLocalInvocationIndex:
+        v = b.iadd(b.iadd(b.imul(local(2), b.i32(size[0] * size[1])), b.imul(local(1), b.i32(size[0]))), local(0));
+        break;
+      case kWorkgroupSize: v = b.i32(size[c]); break;
+      case kNumWorkgroups: v = drawField(b, Type::I32, offsetof(DrawConstants, groupCount), c); break;
+      case kDeviceIndex: v = b.i32(0); break;
+      default: fail(base::errorf("compute stage: built-in %u is not supported", builtIn).message); v = b.i32(0);
+    }
+    return toType(b, type, v);
+  }
+};
+
+}  // namespace
+
+base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
+  const frontend::Shader& shader = *pipeline.shader;
+  const uint64_t invocations = uint64_t(shader.localSize[0]) * shader.localSize[1] * shader.localSize[2];
+  ir::Function f;
+  f.name = "compute routine";
+  f.sharedBytes = shader.function.sharedBytes;
+  ir::Builder b(f);
+  ComputeExpander expander(pipeline, key);
+  ir::inlineShader(b, shader.function, expander);
+  if (!expander.error().empty()) return base::Error{expander.error()};
+  if (shader.usesBarrier) {
+    // A group that is one row runs in lock step: every lane has done what stands before a barrier when it is reached.
+    if (invocations > interp::kMaxLanes)
+      return base::errorf("barriers in work groups of more than %u invocations are not supported yet (this one has %llu)",
+                          interp::kMaxLanes, static_cast<unsigned long long>(invocations));
+    for (ir::Inst& i : f.insts)
+      if (i.op == Op::Barrier) i = ir::Inst{};
+  }
+  auto code = finishRoutine(f, ir::Numerics::F32);
+  if (!code) return std::move(code).error();
+  auto routine = std::make_shared<ComputeRoutine>();
+  routine->code = std::move(code).value();
+  routine->localSize = shader.localSize;
+  routine->sharedBytes = shader.function.sharedBytes;
+  for (const ir::Inst& i : shader.function.insts)
+    routine->usesSubgroups |= i.op == Op::SubgroupAny || i.op == Op::SubgroupAll || i.op == Op::QuadSwizzle || i.op == Op::LaneId;
+  return routine;
+}
+
+}  // namespace pumice::pipeline

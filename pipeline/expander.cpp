@@ -1,0 +1,238 @@
+#include "pipeline/expander.h"
+
+#include <algorithm>
+
+namespace pumice::pipeline {
+
+using ir::Op;
+using ir::Type;
+using ir::Value;
+
+Value toType(ir::Builder& b, Type want, Value v) {
+  const Type have = b.type(v);
+  if (have == want) return v;
+  if (want == Type::Mask) return b.ine(b.bitcast(ir::intOf(have), v), b.zero(ir::intOf(have)));
+  if (have == Type::Mask) return toType(b, want, b.select(v, b.i32(1), b.i32(0)));
+  if (ir::isFloat(have) && ir::isFloat(want)) return b.convert(Op::FToF, want, v);
+  if (ir::typeBytes(have) == ir::typeBytes(want)) return b.bitcast(want, v);
+  if (ir::isFloat(want)) return b.bitcast(want, toType(b, ir::intOf(want), v));
+  if (ir::isFloat(have)) return toType(b, want, b.bitcast(ir::intOf(have), v));
+  return b.convert(ir::typeBytes(want) > ir::typeBytes(have) ? Op::ZExt : Op::Trunc, want, v);
+}
+
+Value StageExpander::shaderInput(ir::Builder& b, Type type, uint32_t, uint32_t, std::span<const Value>) { return b.zero(type); }
+void StageExpander::shaderOutput(ir::Builder&, uint32_t, uint32_t, Value, std::span<const Value>) {}
+
+StageExpander::Buffer StageExpander::descriptor(ir::Builder& b, uint32_t resource, Value element) {
+  const frontend::Resource& r = shader_.resources[resource];
+  const Binding* binding = layout_.find(r.set, r.binding);
+  if (!binding || !binding->count) return {b.i64(0), b.i64(0)};
+  const uint32_t table = ir::kTableSet0 + r.set;
+  const bool dynamic = binding->type == VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC || binding->type == VK_DESCRIPTOR_TYPE_STORAGE_BUFFER_DYNAMIC;
+  const uint32_t firstDynamic = dynamic && r.set < layout_.dynamicBase.size() ? layout_.dynamicBase[r.set] + binding->dynamicIndex : 0;
+  const size_t dynamicField = offsetof(DrawConstants, dynamicOffsets) + 4 * size_t(firstDynamic);
+
+  uint64_t index = 0;
+  Value base, size, moved = 0;
+  if (!element || b.isConstant(element, &index)) {
+    if (index >= binding->count) return {b.i64(0), b.i64(0)};
+    const uint32_t at = binding->offset + uint32_t(index) * binding->stride;
+    base = b.tableLoad(Type::I64, table, at + offsetof(texture::BufferDescriptor, base));
+    size = b.tableLoad(Type::I64, table, at + offsetof(texture::BufferDescriptor, size));
+    if (dynamic && firstDynamic + index < kMaxDynamicOffsets) moved = b.uniform(Type::I32, uint32_t(dynamicField + 4 * index));
+  } else {
+    const Value inside = b.ult(element, b.i32(binding->count));
+    const Value clamped = b.umin(element, b.i32(binding->count - 1));
+    const Value offset = b.imul(clamped, b.i32(binding->stride));
+    base = b.tableLoad(Type::I64, table, binding->offset + offsetof(texture::BufferDescriptor, base), offset);
+    size = b.tableLoad(Type::I64, table, binding->offset + offsetof(texture::BufferDescriptor, size), offset);
+    size = b.select(inside, size, b.i64(0));
+    if (dynamic) moved = b.tableLoad(Type::I32, ir::kTableDraw, uint32_t(dynamicField), b.imul(clamped, b.i32(4)));
+  }
+  if (moved) base = b.iadd(base, b.convert(Op::ZExt, Type::I64, moved));
+  return {base, size};
+}
+
+ImageState StageExpander::state(uint32_t resource, uint32_t element) const {
+  const auto index = uses_.find(resource, element);
+  return index && *index < images_.size() ? images_[*index] : ImageState{};
+}
+
+std::vector<uint32_t> StageExpander::elements(ir::Builder& b, uint32_t resource, Value element) const {
+  uint64_t index = 0;
+  if (!element || b.isConstant(element, &index)) return {uint32_t(index)};
+  std::vector<uint32_t> all;
+  for (const ImageUses::Use& u : uses_.uses())
+    if (u.resource == resource) all.push_back(u.element);
+  return all;
+}
+
+namespace {
+
+//! Where the array element of a descriptor lies: a constant offset and a dynamic one.
+template <typename Ref>
+void locate(ir::Builder& b, Ref& ref, const Binding& binding, Value element, uint32_t within) {
+  uint64_t index = 0;
+  ref.constOffset = binding.offset + within;
+  if (!element || b.isConstant(element, &index)) {
+    ref.constOffset += uint32_t(std::min<uint64_t>(index, binding.count - 1)) * binding.stride;
+    ref.dynamicOffset = 0;
+  } else {
+    ref.dynamicOffset = b.imul(b.umin(element, b.i32(binding.count - 1)), b.i32(binding.stride));
+  }
+}
+
+}  // namespace
+
+texture::ImageRef StageExpander::imageRef(ir::Builder& b, uint32_t resource, Value element, const ImageState& state) {
+  texture::ImageRef ref;
+  const frontend::Resource& r = shader_.resources[resource];
+  const Binding* binding = layout_.find(r.set, r.binding);
+  if (!binding || !binding->count) return ref;
+  ref.table = ir::kTableSet0 + r.set;
+  locate(b, ref, *binding, element, 0);
+  ref.key = state.view;
+  return ref;
+}
+
+texture::SamplerRef StageExpander::samplerRef(ir::Builder& b, uint32_t resource, Value element, const ImageState& state) {
+  texture::SamplerRef ref;
+  const frontend::Resource& r = shader_.resources[resource];
+  const Binding* binding = layout_.find(r.set, r.binding);
+  if (!binding || !binding->count) return ref;
+  ref.table = ir::kTableSet0 + r.set;
+  locate(b, ref, *binding, element,
+         binding->type == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER ? offsetof(texture::CombinedDescriptor, sampler) : 0);
+  ref.key = state.sampler;
+  return ref;
+}
+
+std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& op, std::span<const Value> given) {
+  const std::vector<Value> operands(given.begin(), given.end());   // the span may point into the function that grows
+  const bool sampled = op.kind == ir::ImageKind::Sample || op.kind == ir::ImageKind::Gather || op.kind == ir::ImageKind::QueryLod;
+  const bool writes = op.kind == ir::ImageKind::Write || op.kind == ir::ImageKind::Atomic;
+  const Value imageElement = operands[0], samplerElement = sampled ? operands[1] : 0;
+
+  // Which elements may be meant, grouped by what of their state selects code.
+  std::vector<Element> groups;
+  const auto put = [&](uint32_t imageIndex, uint32_t samplerIndex) {
+    Element e;
+    e.image = state(op.imageResource, imageIndex);
+    e.image.sampler = {};
+    if (sampled) e.sampler = state(op.samplerResource, samplerIndex);
+    e.sampler.view = {};
+    for (Element& g : groups)
+      if (g.image == e.image && g.sampler == e.sampler) {
+        g.members.emplace_back(imageIndex, samplerIndex);
+        return;
+      }
+    e.members.emplace_back(imageIndex, samplerIndex);
+    groups.push_back(std::move(e));
+  };
+  const std::vector<uint32_t> images = elements(b, op.imageResource, imageElement);
+  if (sampled && op.samplerResource == op.imageResource) {
+    for (uint32_t i : images) put(i, i);
+  } else {
+    const std::vector<uint32_t> samplers = sampled ? elements(b, op.samplerResource, samplerElement) : std::vector<uint32_t>{0};
+    for (uint32_t i : images)
+      for (uint32_t s : samplers) put(i, s);
+  }
+
+  const auto expand = [&](const Element& g) {
+    const char* why = nullptr;
+    texture::SamplerRef sampler;
+    if (sampled) sampler = samplerRef(b, op.samplerResource, samplerElement, g.sampler);
+    std::vector<Value> r = texture::expandImage(b, op, operands, imageRef(b, op.imageResource, imageElement, g.image), sampler, &why);
+    if (why) fail(why);
+    return r;
+  };
+
+  const Value off = writes ? suppressed(b) : Value(0);
+  if (groups.size() == 1 && !off) {
+    std::vector<Value> r = expand(groups[0]);
+    if (r.empty() && !error_.empty() && op.kind != ir::ImageKind::Write) r.assign(4, b.zero(op.texelType));
+    return r;
+  }
+
+  // Several kinds: each runs for the lanes that mean it.
+  std::vector<Value> vars;
+  if (op.kind != ir::ImageKind::Write)
+    for (int c = 0; c < 4; ++c) vars.push_back(0);
+  struct Pending { Value mask; const Element* group; };
+  std::vector<Pending> pending;
+  for (const Element& g : groups) {
+    Value mask = b.mask(groups.size() == 1);
+    if (groups.size() > 1)
+      for (auto [i, s] : g.members) {
+        Value m = b.isConstant(imageElement) ? b.mask(true) : b.ieq(imageElement, b.i32(i));
+        if (sampled && samplerElement && !b.isConstant(samplerElement)) m = b.maskAnd(m, b.ieq(samplerElement, b.i32(s)));
+        mask = b.maskOr(mask, m);
+      }
+    if (off) mask = b.maskAnd(mask, b.maskNot(off));
+    pending.push_back({mask, &g});
+  }
+  // The types of the results are known once the first kind is expanded; a query has fewer than four.
+  const Type resultType = op.kind == ir::ImageKind::QuerySize || op.kind == ir::ImageKind::QueryLevels || op.kind == ir::ImageKind::QuerySamples
+                              ? Type::I32
+                              : op.kind == ir::ImageKind::QueryLod ? Type::F32 : op.texelType;
+  for (Value& v : vars) {
+    v = b.var(resultType);
+    b.set(v, b.zero(resultType));
+  }
+  for (const Pending& p : pending) {
+    b.beginIf(p.mask);
+    const std::vector<Value> r = expand(*p.group);
+    for (size_t c = 0; c < r.size() && c < vars.size(); ++c) b.set(vars[c], toType(b, resultType, r[c]));
+    b.endIf();
+  }
+  std::vector<Value> results;
+  for (Value v : vars) results.push_back(b.get(v));
+  return results;
+}
+
+base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics) {
+  if (std::string why = ir::verify(f); !why.empty()) return base::errorf("%s: made invalid IR: %s", f.name.c_str(), why.c_str());
+  ir::optimise(f);
+  interp::CompileOptions options;
+  options.numerics = numerics;
+  return interp::compileInterpreter(f, options);
+}
+
+ir::Function guardEffects(const ir::Function& source) {
+  ir::Function f;
+  f.name = source.name;
+  f.imageOps = source.imageOps;
+  f.sharedBytes = source.sharedBytes;
+  std::vector<Value> renamed(source.insts.size(), 0);
+  const auto append = [&](ir::Inst i, std::span<const Value> operands) {
+    i.firstOperand = uint32_t(f.operandPool.size());
+    i.operandCount = uint32_t(operands.size());
+    f.operandPool.insert(f.operandPool.end(), operands.begin(), operands.end());
+    f.insts.push_back(i);
+    return Value(f.insts.size() - 1);
+  };
+  const auto plain = [&](Op op, Type type, std::initializer_list<Value> operands) {
+    ir::Inst i;
+    i.op = op;
+    i.type = type;
+    return append(i, {operands.begin(), operands.size()});
+  };
+  for (Value v = 1; v < source.insts.size(); ++v) {
+    const ir::Inst& i = source.insts[v];
+    std::vector<Value> operands;
+    for (Value o : source.operands(i)) operands.push_back(renamed[o]);
+    if (i.op != Op::Store && i.op != Op::Atomic && i.op != Op::AtomicCas) {
+      renamed[v] = append(i, operands);
+      continue;
+    }
+    const Value result = i.type == Type::None ? 0 : plain(Op::Var, i.type, {});
+    plain(Op::If, Type::None, {plain(Op::MaskNot, Type::Mask, {plain(Op::HelperMask, Type::Mask, {})})});
+    const Value done = append(i, operands);
+    if (result) plain(Op::VarSet, Type::None, {result, done});
+    plain(Op::EndIf, Type::None, {});
+    if (result) renamed[v] = plain(Op::VarGet, i.type, {result});
+  }
+  return f;
+}
+
+}  // namespace pumice::pipeline

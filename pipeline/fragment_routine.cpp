@@ -1,0 +1,289 @@
+// Interpolation, fragment shader, tests and colour writes as one routine over quads.
+//
+// Lanes: without helper lanes exactly the covered pixels are active. With them whole quads are active and `live` says
+// which lanes are real. Tests come before the shader where nothing can tell the difference, else after it; a lane that
+// fails an early test runs the shader only as a helper of its quad.
+#include <algorithm>
+
+#include "pipeline/builders.h"
+
+namespace pumice::pipeline {
+
+using ir::Op;
+using ir::Type;
+using ir::Value;
+using texture::Texel;
+
+namespace {
+
+constexpr uint32_t kSlotX = 0, kSlotY = 1, kSlotCoverage = 2, kSlotPassed = 0;
+constexpr uint32_t kPlaneDepth = 0, kPlaneInverseW = 1, kPlaneVaryings = 2;
+constexpr uint64_t kSwapX = 0xb1, kSwapY = 0x4e;   // lanes 1 0 3 2 and 2 3 0 1 of a quad
+
+Value both(ir::Builder& b, Value x, Value y) { return !x ? y : !y ? x : b.maskAnd(x, y); }
+
+//! True on all lanes of a quad that has a lane where m is true.
+Value quadAny(ir::Builder& b, Value m) {
+  Value v = b.select(m, b.i32(1), b.i32(0));
+  v = b.or_(v, b.emit(Op::QuadSwizzle, Type::I32, {v}, kSwapX));
+  v = b.or_(v, b.emit(Op::QuadSwizzle, Type::I32, {v}, kSwapY));
+  return b.ine(v, b.i32(0));
+}
+
+struct ShaderTraits {
+  bool writesSampleMask = false;
+  bool early = true;       // tests before the shader
+  bool needsHelpers = false;
+  bool guarded = false;    // there may be lanes whose memory accesses must not happen
+};
+
+ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) {
+  ShaderTraits t;
+  if (!shader) return t;
+  for (uint64_t imm : writtenOutputs(*shader)) {
+    const auto& v = shader->outputs[imm >> 32];
+    if (v.builtIn && v.location == kSampleMask) t.writesSampleMask = true;
+  }
+  t.early = shader->earlyFragmentTests || !(shader->mayDiscard || shader->writesDepth || shader->writesMemory || state.alphaToCoverage || t.writesSampleMask);
+  t.needsHelpers = shader->usesDerivatives;
+  t.guarded = shader->writesMemory && (t.needsHelpers || shader->mayDiscard);
+  return t;
+}
+
+class FragmentExpander : public StageExpander {
+ public:
+  FragmentExpander(const GraphicsPipeline& p, const FragmentKey& key, const frontend::Shader& shader, const ShaderTraits& t)
+      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t) {}
+
+  void declare(ir::Builder& b) {
+    const GraphicsState& s = pipeline_.state;
+    for (uint64_t imm : writtenOutputs(shader_)) {
+      const frontend::InterfaceVariable& v = shader_.outputs[imm >> 32];
+      const Place p = place(v, uint32_t(imm));
+      if (v.builtIn) {
+        if (v.location == kFragDepth) depth_ = b.var(Type::F32);
+        if (v.location == kSampleMask) sampleMask_ = b.var(Type::I32);
+      } else if (p.location < s.colorCount && p.component < 4 && writesColor(s, p.location) && !colors_.count({p.location, p.index})) {
+        const bool integer = texture::formatInfo(s.colorFormats[p.location])->isInteger();
+        Texel& t = colors_[{p.location, p.index}];
+        for (Value& c : t) c = b.var(integer ? Type::I32 : Type::F32);
+      }
+    }
+    if (shader_.mayDiscard) killed_ = b.var(Type::Mask);
+  }
+  //! Interpolates at the start of the shader, where every lane that runs it is active.
+  void begin(ir::Builder& b, Value x, Value y, Value covered, Value centreDepth, Value coverage) {
+    x_ = x, y_ = y, covered_ = covered, centreDepth_ = centreDepth, coverage_ = coverage;
+    for (uint32_t i = 0; i < pipeline_.link.varyings.size(); ++i) values_.push_back(interpolate(b, i, x, y));
+  }
+
+  Value killed() const { return killed_; }
+  Value depth() const { return depth_; }
+  Value sampleMask() const { return sampleMask_; }
+  bool writes(uint32_t attachment) const { return colors_.count({attachment, 0}) != 0; }
+  Texel color(ir::Builder& b, uint32_t attachment, uint32_t index) const {
+    Texel t;
+    auto it = colors_.find({attachment, index});
+    for (uint32_t c = 0; c < 4; ++c) t[c] = it == colors_.end() ? b.f32(0) : b.get(it->second[c]);
+    return t;
+  }
+
+  Value shaderInput(ir::Builder& b, Type type, uint32_t variable, uint32_t component, std::span<const Value> operands) override {
+    auto it = pipeline_.link.varyingOf.find(uint64_t(variable) << 32 | component);
+    if (it == pipeline_.link.varyingOf.end()) return b.zero(type);
+    Value v = values_[it->second];
+    if (operands.size() == 2 && pipeline_.link.varyings[it->second].mode != raster::VaryingMode::Flat)   // interpolateAtOffset
+      v = interpolate(b, it->second, b.fadd(x_, operands[0]), b.fadd(y_, operands[1]));
+    return toType(b, type, v);
+  }
+
+  void shaderOutput(ir::Builder& b, uint32_t variable, uint32_t component, Value value, std::span<const Value>) override {
+    const frontend::InterfaceVariable& v = shader_.outputs[variable];
+    const Place p = place(v, component);
+    if (v.builtIn) {
+      if (v.location == kFragDepth) b.set(depth_, toType(b, Type::F32, value));
+      if (v.location == kSampleMask && component == 0) b.set(sampleMask_, toType(b, Type::I32, value));
+      return;
+    }
+    auto it = colors_.find({p.location, p.index});
+    if (it == colors_.end() || p.component > 3) return;
+    const Value target = it->second[p.component];
+    b.set(target, toType(b, b.type(target), value));
+  }
+
+  Value builtin(ir::Builder& b, Type type, uint32_t builtIn, uint32_t component) override {
+    return toType(b, type, builtinValue(b, builtIn, component));
+  }
+
+  std::vector<Value> image(ir::Builder& b, const ir::ImageOpInfo& op, std::span<const Value> given) override {
+    if (op.dim != ir::ImageDim::SubpassData) return StageExpander::image(b, op, given);
+    // Coordinates of an input attachment are relative to the pixel.
+    std::vector<Value> operands(given.begin(), given.end());
+    operands[2] = b.iadd(operands[2], b.convert(Op::FToS, Type::I32, builtinValue(b, kFragCoord, 0)));
+    operands[3] = b.iadd(operands[3], b.convert(Op::FToS, Type::I32, builtinValue(b, kFragCoord, 1)));
+    return StageExpander::image(b, op, operands);
+  }
+
+  void demote(ir::Builder& b) override {
+    if (killed_) b.set(killed_, b.mask(true));
+  }
+  Value helperMask(ir::Builder& b) override {
+    Value m = covered_ ? b.maskNot(covered_) : b.mask(false);
+    return killed_ ? b.maskOr(m, b.get(killed_)) : m;
+  }
+
+ protected:
+  Value suppressed(ir::Builder& b) override { return traits_.guarded ? helperMask(b) : 0; }
+
+ private:
+  Value interpolate(ir::Builder& b, uint32_t varying, Value x, Value y);
+  Value builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t component);
+
+  const GraphicsPipeline& pipeline_;
+  const ShaderTraits& traits_;
+  std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
+  Value depth_ = 0, sampleMask_ = 0, killed_ = 0;
+  Value x_ = 0, y_ = 0, covered_ = 0, centreDepth_ = 0, coverage_ = 0;
+  std::vector<Value> values_;
+};
+
+uint32_t planeOffset(uint32_t plane) { return raster::kRecordPlanes + 12 * plane; }
+
+//! The one way to evaluate a plane, for depth and varyings alike.
+Value evaluatePlane(ir::Builder& b, uint32_t plane, Value x, Value y) {
+  const uint32_t at = planeOffset(plane);
+  const Value origin = b.quadLoad(Type::F32, at), dx = b.quadLoad(Type::F32, at + 4), dy = b.quadLoad(Type::F32, at + 8);
+  return b.fma(dx, x, b.fma(dy, y, origin));
+}
+
+Value FragmentExpander::interpolate(ir::Builder& b, uint32_t varying, Value x, Value y) {
+  const raster::VaryingMode mode = pipeline_.link.varyings[varying].mode;
+  if (mode == raster::VaryingMode::Flat) return b.quadLoad(Type::I32, planeOffset(kPlaneVaryings + varying));
+  const Value v = evaluatePlane(b, kPlaneVaryings + varying, x, y);
+  if (mode == raster::VaryingMode::Linear) return v;
+  return b.fmul(v, b.fdiv(b.f32(1), evaluatePlane(b, kPlaneInverseW, x, y)));
+}
+
+Value FragmentExpander::builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t component) {
+  switch (builtIn) {
+    case kFragCoord:
+      if (component == 0) return b.fadd(x_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellX)));
+      if (component == 1) return b.fadd(y_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellY)));
+      return component == 2 ? centreDepth_ : evaluatePlane(b, kPlaneInverseW, x_, y_);
+    case kFrontFacing: return b.ine(b.quadLoad(Type::I32, offsetof(raster::RecordHeader, frontFacing)), b.i32(0));
+    case kPrimitiveId: return b.quadLoad(Type::I32, offsetof(raster::RecordHeader, primitiveId));
+    case kSampleMask: return coverage_;
+    case kSampleId: case kLayer: case kViewportIndex: case kDeviceIndex: return b.i32(0);
+    case kSamplePosition: return b.f32(0.5f);
+    case kHelperInvocation: return helperMask(b);
+    case kViewIndex: return PUMICE_DRAW_FIELD(b, I32, viewIndex);
+    case kPointCoord:
+      if (pipeline_.state.topology != VK_PRIMITIVE_TOPOLOGY_POINT_LIST) return b.f32(0);
+      break;
+    default: break;
+  }
+  fail(base::errorf("fragment stage: built-in %u is not supported", builtIn).message);
+  return b.i32(0);
+}
+
+Value clampDepth(ir::Builder& b, const GraphicsState& s, Value depth, bool fromShader) {
+  const texture::FormatInfo* f = texture::formatInfo(s.depthStencilFormat);
+  if (!f || !f->hasDepth()) return depth;
+  // Clipping leaves depths in the viewport's range but for rounding; a bias or the shader may leave it on purpose.
+  if (!s.depthClamp && (s.depthBias || fromShader)) return b.fmin(b.fmax(depth, b.f32(0)), b.f32(1));
+  const Value n = PUMICE_DRAW_FIELD(b, F32, minDepth), m = PUMICE_DRAW_FIELD(b, F32, maxDepth);
+  return b.fmin(b.fmax(depth, b.fmin(n, m)), b.fmax(n, m));
+}
+
+}  // namespace
+
+base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
+  const GraphicsState& state = pipeline.state;
+  const frontend::Shader* shader = pipeline.fragment.get();
+  const ShaderTraits t = traits(state, shader);
+  auto routine = std::make_shared<FragmentRoutine>();
+  routine->varyings = pipeline.link.varyings;
+  routine->needsHelpers = t.needsHelpers;
+
+  ir::Function f;
+  f.name = "fragment routine";
+  ir::Builder b(f);
+  const frontend::Shader none;
+  FragmentExpander expander(pipeline, key, shader ? *shader : none, t);
+  if (shader) expander.declare(b);
+
+  const Value x = b.input(Type::F32, kSlotX), y = b.input(Type::F32, kSlotY);
+  Value coverage = b.input(Type::I32, kSlotCoverage);
+  const uint32_t samples = state.samples, allSamples = samples >= 32 ? ~0u : (1u << samples) - 1;
+  const bool masked = (state.sampleMask & allSamples) != allSamples;
+  if (masked) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
+  const Value passed = key.countSamples ? b.var(Type::I32) : 0;
+
+  const auto locations = raster::sampleLocations(samples);
+  const auto depthAt = [&](uint32_t sample) {
+    if (samples == 1) return clampDepth(b, state, evaluatePlane(b, kPlaneDepth, x, y), false);
+    const Value sx = b.fadd(x, b.f32(float(locations[sample][0]) / 16.f - 0.5f));
+    const Value sy = b.fadd(y, b.f32(float(locations[sample][1]) / 16.f - 0.5f));
+    return clampDepth(b, state, evaluatePlane(b, kPlaneDepth, sx, sy), false);
+  };
+
+  std::vector<Value> live(samples, 0);   // 0: all active lanes
+  for (uint32_t s = 0; s < samples; ++s) {
+    if (samples > 1) live[s] = b.ine(b.and_(coverage, b.i32(1u << s)), b.i32(0));
+    else if (t.needsHelpers || masked) live[s] = b.ine(coverage, b.i32(0));
+    if (t.early) live[s] = testSample(b, state, s, live[s], depthAt(s));
+  }
+  Value any = live[0];
+  for (uint32_t s = 1; s < samples; ++s) any = b.maskOr(any, live[s]);
+
+  const Value run = any && t.needsHelpers ? quadAny(b, any) : any;
+  if (run) b.beginIf(run);
+  if (shader) {
+    expander.begin(b, x, y, any, clampDepth(b, state, evaluatePlane(b, kPlaneDepth, x, y), false), coverage);
+    if (t.guarded) ir::inlineShader(b, guardEffects(shader->function), expander);
+    else ir::inlineShader(b, shader->function, expander);
+  }
+  const Value alive = expander.killed() ? b.maskNot(b.get(expander.killed())) : 0;
+  const Value shaderDepth = expander.depth() && !(shader && shader->earlyFragmentTests)
+                                ? clampDepth(b, state, b.get(expander.depth()), true) : 0;
+  std::vector<Texel> colors(state.colorCount), colors1(state.colorCount);
+  for (uint32_t a = 0; a < state.colorCount; ++a)
+    if (expander.writes(a)) colors[a] = expander.color(b, a, 0), colors1[a] = expander.color(b, a, 1);
+  Value alpha = 0;
+  if (expander.writes(0) && ir::isFloat(b.type(colors[0][3]))) alpha = colors[0][3];
+  if (state.alphaToOne)
+    for (uint32_t a = 0; a < state.colorCount; ++a)
+      for (Texel* texel : {&colors[a], &colors1[a]})
+        if (expander.writes(a) && ir::isFloat(b.type((*texel)[3]))) (*texel)[3] = b.f32(1);
+
+  for (uint32_t s = 0; s < samples; ++s) {
+    live[s] = both(b, live[s], alive);
+    if (expander.sampleMask())
+      live[s] = both(b, live[s], b.ine(b.and_(b.get(expander.sampleMask()), b.i32(1u << s)), b.i32(0)));
+    if (state.alphaToCoverage && alpha) live[s] = both(b, live[s], b.fle(b.f32((float(s) + 0.5f) / float(samples)), alpha));
+    if (!t.early) live[s] = testSample(b, state, s, live[s], shaderDepth ? shaderDepth : depthAt(s));
+    const bool guarded = live[s] && live[s] != run;
+    if (guarded) b.beginIf(live[s]);
+    for (uint32_t a = 0; a < state.colorCount; ++a)
+      if (expander.writes(a)) writeColor(b, state, a, s, colors[a], colors1[a]);
+    if (passed) b.set(passed, b.or_(b.get(passed), b.i32(1u << s)));
+    if (guarded) b.endIf();
+  }
+  if (run) b.endIf();
+  if (passed) b.output(kSlotPassed, b.get(passed));
+  if (!expander.error().empty()) return base::Error{expander.error()};
+
+  const texture::FormatInfo* depthFormat = texture::formatInfo(state.depthStencilFormat);
+  bool effects = key.countSamples || (shader && shader->writesMemory);
+  if (depthFormat && depthFormat->hasDepth()) effects |= state.depthTest && state.depthWrite;
+  if (depthFormat && depthFormat->hasStencil()) effects |= state.stencilTest;
+  for (uint32_t a = 0; a < state.colorCount; ++a) effects |= expander.writes(a);
+  routine->present = effects;
+
+  auto code = finishRoutine(f, key.numerics);
+  if (!code) return std::move(code).error();
+  routine->code = std::move(code).value();
+  return routine;
+}
+
+}  // namespace pumice::pipeline

@@ -1,0 +1,221 @@
+#include "pipeline/link.h"
+
+#include <algorithm>
+#include <set>
+
+namespace pumice::pipeline {
+
+using frontend::ResourceKind;
+using frontend::Shader;
+
+namespace {
+
+//! Elements of an array of images that is indexed dynamically: each is part of the key.
+constexpr uint32_t kMaxIndexedImages = 64;
+
+template <typename F>
+void forEach(const Shader& shader, ir::Op op, F&& f) {
+  for (const ir::Inst& i : shader.function.insts)
+    if (i.op == op) f(i);
+}
+
+bool is64Bit(ir::Type t) { return t == ir::Type::I64 || t == ir::Type::F64; }
+
+bool hasImage(VkDescriptorType t) {
+  return t == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER || t == VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE ||
+         t == VK_DESCRIPTOR_TYPE_STORAGE_IMAGE || t == VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT;
+}
+bool hasSampler(VkDescriptorType t) {
+  return t == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER || t == VK_DESCRIPTOR_TYPE_SAMPLER;
+}
+bool isTexelBuffer(VkDescriptorType t) {
+  return t == VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER || t == VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER;
+}
+uint32_t samplerOffset(VkDescriptorType t) {
+  return t == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER ? offsetof(texture::CombinedDescriptor, sampler) : 0;
+}
+
+uint16_t formatNumber(VkFormat format) {
+  const texture::FormatInfo* f = texture::formatInfo(format);
+  return f ? uint16_t(f - texture::allFormats().data() + 1) : 0;
+}
+
+uint32_t bit(VkDescriptorType t) { return uint32_t(t) < 32 ? 1u << t : 0; }
+
+//! Descriptor types that may serve each kind of resource (Vulkan spec, "Shader Resource and Descriptor Type Correspondence").
+uint32_t fittingTypes(ResourceKind kind) {
+  switch (kind) {
+    case ResourceKind::UniformBuffer: return bit(VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER) | bit(VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC);
+    case ResourceKind::StorageBuffer: return bit(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER) | bit(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER_DYNAMIC);
+    case ResourceKind::SampledImage: return bit(VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE) | bit(VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER);
+    case ResourceKind::Sampler: return bit(VK_DESCRIPTOR_TYPE_SAMPLER) | bit(VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER);
+    case ResourceKind::CombinedImageSampler: return bit(VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER);
+    case ResourceKind::StorageImage: return bit(VK_DESCRIPTOR_TYPE_STORAGE_IMAGE);
+    case ResourceKind::UniformTexelBuffer: return bit(VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER);
+    case ResourceKind::StorageTexelBuffer: return bit(VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER);
+    case ResourceKind::InputAttachment: return bit(VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT);
+  }
+  return 0;
+}
+
+}  // namespace
+
+std::vector<uint64_t> writtenOutputs(const Shader& shader) {
+  std::set<uint64_t> seen;
+  forEach(shader, ir::Op::ShaderOutput, [&](const ir::Inst& i) { seen.insert(i.imm); });
+  return {seen.begin(), seen.end()};
+}
+
+base::Result<StageLink> linkStages(const GraphicsState& state, const Shader& vertex, const Shader* fragment) {
+  StageLink link;
+  std::map<Place, ir::Type> written;
+  for (uint64_t imm : writtenOutputs(vertex)) {
+    const frontend::InterfaceVariable& v = vertex.outputs[imm >> 32];
+    if (!v.builtIn) {
+      written[place(v, uint32_t(imm))] = v.type;
+      continue;
+    }
+    if (v.location == kClipDistance || v.location == kCullDistance)
+      return base::errorf("vertex stage: clip and cull distances are not supported yet");
+    if (v.location == kPointSize && state.topology == VK_PRIMITIVE_TOPOLOGY_POINT_LIST && link.pointSizeRow < 0)
+      link.pointSizeRow = int32_t(link.rowCount++);
+  }
+  if (!fragment) return link;
+
+  std::map<std::pair<Place, raster::VaryingMode>, uint32_t> known;
+  std::set<uint64_t> reads;
+  forEach(*fragment, ir::Op::ShaderInput, [&](const ir::Inst& i) { reads.insert(i.imm); });
+  for (uint64_t imm : reads) {
+    const frontend::InterfaceVariable& v = fragment->inputs[imm >> 32];
+    const Place p = place(v, uint32_t(imm));
+    auto from = written.find(p);
+    if (from == written.end()) continue;
+    if (is64Bit(v.type) || is64Bit(from->second))
+      return base::errorf("location %u: 64-bit variables between stages are not supported yet", p.location);
+    raster::VaryingMode mode = raster::VaryingMode::Perspective;
+    if (v.interpolation == frontend::Interpolation::Linear) mode = raster::VaryingMode::Linear;
+    if (v.interpolation == frontend::Interpolation::Flat || ir::isInt(v.type)) mode = raster::VaryingMode::Flat;
+    auto [row, fresh] = link.rows.try_emplace(p, link.rowCount);
+    if (fresh) ++link.rowCount;
+    auto [varying, added] = known.try_emplace({p, mode}, uint32_t(link.varyings.size()));
+    if (added) link.varyings.push_back({uint16_t(row->second), mode});
+    link.varyingOf[imm] = varying->second;
+  }
+  if (link.varyings.size() > raster::kMaxVaryings)
+    return base::errorf("%zu components between the stages, at most %u are possible", link.varyings.size(), raster::kMaxVaryings);
+  return link;
+}
+
+base::Status checkResources(const Shader& shader, const Layout& layout) {
+  for (const frontend::Resource& r : shader.resources) {
+    const Binding* binding = layout.find(r.set, r.binding);
+    if (!binding) return base::errorf("the shader uses set %u binding %u, which the pipeline layout does not have", r.set, r.binding);
+    if (r.set >= ir::kMaxDescriptorSets) return base::errorf("descriptor set %u: at most %u sets are possible", r.set, unsigned(ir::kMaxDescriptorSets));
+    if (!(fittingTypes(r.kind) & bit(binding->type)))
+      return base::errorf("set %u binding %u: descriptor type %d does not fit the shader's resource", r.set, r.binding, int(binding->type));
+  }
+  return {};
+}
+
+void ImageUses::add(uint32_t resource, uint32_t element) {
+  if (!find(resource, element)) uses_.push_back({resource, element});
+}
+
+std::optional<uint32_t> ImageUses::find(uint32_t resource, uint32_t element) const {
+  for (uint32_t i = 0; i < uses_.size(); ++i)
+    if (uses_[i].resource == resource && uses_[i].element == element) return i;
+  return std::nullopt;
+}
+
+base::Result<ImageUses> ImageUses::collect(const Shader& shader, const Layout& layout) {
+  ImageUses result;
+  const ir::Function& f = shader.function;
+  for (const ir::Inst& i : f.insts) {
+    if (i.op != ir::Op::ImageOp) continue;
+    const ir::ImageOpInfo& op = f.imageOps[i.imm];
+    const auto operands = f.operands(i);
+    const bool sampled = op.kind == ir::ImageKind::Sample || op.kind == ir::ImageKind::Gather || op.kind == ir::ImageKind::QueryLod;
+    for (int part = 0; part < (sampled ? 2 : 1); ++part) {
+      const uint32_t resource = part ? op.samplerResource : op.imageResource;
+      const frontend::Resource& r = shader.resources[resource];
+      const Binding* binding = layout.find(r.set, r.binding);
+      if (!binding) return base::errorf("set %u binding %u is not in the pipeline layout", r.set, r.binding);
+      const ir::Inst& index = f.insts[operands[part]];
+      if (index.op == ir::Op::Const) {
+        result.add(resource, uint32_t(index.imm));
+        continue;
+      }
+      if (binding->count > kMaxIndexedImages)
+        return base::errorf("set %u binding %u: dynamic indexing of %u images, at most %u are supported yet", r.set, r.binding,
+                            binding->count, kMaxIndexedImages);
+      for (uint32_t e = 0; e < binding->count; ++e) result.add(resource, e);
+    }
+  }
+  return result;
+}
+
+std::vector<ImageState> ImageUses::read(const Shader& shader, const Layout& layout, const std::byte* const* setMemory,
+                                        const uint64_t* setSize) const {
+  std::vector<ImageState> states(uses_.size());
+  for (size_t i = 0; i < uses_.size(); ++i) {
+    const frontend::Resource& r = shader.resources[uses_[i].resource];
+    const uint32_t element = uses_[i].element;
+    const Binding* binding = layout.find(r.set, r.binding);
+    if (!binding || element >= binding->count) continue;
+    const uint64_t offset = binding->offset + uint64_t(element) * binding->stride;
+    const bool present = setMemory[r.set] && offset + binding->stride <= setSize[r.set];
+    const std::byte* bytes = present ? setMemory[r.set] + offset : nullptr;
+    if (bytes && hasImage(binding->type)) std::memcpy(&states[i].view, bytes + offsetof(texture::ImageDescriptor, key), sizeof states[i].view);
+    if (bytes && isTexelBuffer(binding->type)) {
+      uint32_t format;
+      std::memcpy(&format, bytes + offsetof(texture::BufferDescriptor, format), sizeof format);
+      states[i].view.format = formatNumber(VkFormat(format));
+    }
+    if (!hasSampler(binding->type)) continue;
+    if (element < binding->immutableSamplers.size())
+      states[i].sampler = binding->immutableSamplers[element].key;
+    else if (bytes)
+      std::memcpy(&states[i].sampler, bytes + samplerOffset(binding->type) + offsetof(texture::SamplerDescriptor, key),
+                  sizeof states[i].sampler);
+  }
+  return states;
+}
+
+std::vector<ImageState> ImageUses::plausible(const Shader& shader, const Layout& layout) const {
+  std::vector<ImageState> states(uses_.size());
+  for (size_t i = 0; i < uses_.size(); ++i) {
+    const frontend::Resource& r = shader.resources[uses_[i].resource];
+    const Binding* binding = layout.find(r.set, r.binding);
+    if (!binding) continue;
+    const ir::ImageOpInfo* op = nullptr;
+    for (const ir::ImageOpInfo& o : shader.function.imageOps)
+      if (o.imageResource == uses_[i].resource) op = &o;
+    texture::ViewKey& view = states[i].view;
+    if (op && (hasImage(binding->type) || isTexelBuffer(binding->type))) {
+      const bool integer = ir::isInt(op->texelType);
+      view.format = formatNumber(!integer ? VK_FORMAT_R8G8B8A8_UNORM : op->texelSigned ? VK_FORMAT_R8G8B8A8_SINT : VK_FORMAT_R8G8B8A8_UINT);
+      constexpr VkImageViewType kPlain[] = {VK_IMAGE_VIEW_TYPE_1D, VK_IMAGE_VIEW_TYPE_2D, VK_IMAGE_VIEW_TYPE_3D, VK_IMAGE_VIEW_TYPE_CUBE,
+                                            VK_IMAGE_VIEW_TYPE_2D, VK_IMAGE_VIEW_TYPE_1D, VK_IMAGE_VIEW_TYPE_2D};
+      constexpr VkImageViewType kArrayed[] = {VK_IMAGE_VIEW_TYPE_1D_ARRAY, VK_IMAGE_VIEW_TYPE_2D_ARRAY, VK_IMAGE_VIEW_TYPE_3D,
+                                              VK_IMAGE_VIEW_TYPE_CUBE_ARRAY, VK_IMAGE_VIEW_TYPE_2D_ARRAY, VK_IMAGE_VIEW_TYPE_1D_ARRAY,
+                                              VK_IMAGE_VIEW_TYPE_2D_ARRAY};
+      if (hasImage(binding->type)) {
+        view.viewType = uint8_t((op->arrayed ? kArrayed : kPlain)[unsigned(op->dim)]);
+        view.tiled = op->dim != ir::ImageDim::D1;
+        view.aspect = VK_IMAGE_ASPECT_COLOR_BIT;
+        view.samples = op->multisampled ? 4 : 1;
+      }
+      for (uint8_t c = 0; c < 4; ++c) view.swizzle[c] = uint8_t(VK_COMPONENT_SWIZZLE_R + c);
+    }
+    if (!hasSampler(binding->type)) continue;
+    if (uses_[i].element < binding->immutableSamplers.size()) {
+      states[i].sampler = binding->immutableSamplers[uses_[i].element].key;
+    } else {
+      states[i].sampler.magFilter = states[i].sampler.minFilter = VK_FILTER_LINEAR;
+      states[i].sampler.present = 1;
+    }
+  }
+  return states;
+}
+
+}  // namespace pumice::pipeline

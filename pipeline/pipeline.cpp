@@ -1,0 +1,177 @@
+// Creation of pipelines: what cannot work must fail here, not at a draw. Lookup of routines at draws.
+#include "pipeline/pipeline.h"
+
+#include "base/log.h"
+#include "pipeline/builders.h"
+
+namespace pumice::pipeline {
+
+namespace {
+
+constexpr bool samplesSupported(uint32_t samples) { return samples == 1; }
+
+base::Status checkState(const GraphicsState& s) {
+  switch (s.topology) {
+    case VK_PRIMITIVE_TOPOLOGY_POINT_LIST: case VK_PRIMITIVE_TOPOLOGY_LINE_LIST: case VK_PRIMITIVE_TOPOLOGY_LINE_STRIP:
+    case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST: case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP: case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN: break;
+    default: return base::errorf("primitive topology %d is not supported", int(s.topology));
+  }
+  if (s.rasterizerDiscard) return {};
+  if (s.polygonMode != VK_POLYGON_MODE_FILL) return base::errorf("polygon mode %d is not supported", int(s.polygonMode));
+  if (!samplesSupported(s.samples)) return base::errorf("%u samples are not supported yet", s.samples);
+  if (s.colorCount > kMaxColorAttachments) return base::errorf("%u colour attachments, at most %u are possible", s.colorCount, kMaxColorAttachments);
+  for (uint32_t a = 0; a < s.colorCount; ++a)
+    if (const VkFormat format = s.colorFormats[a]; format != VK_FORMAT_UNDEFINED) {
+      const texture::FormatInfo* f = texture::formatInfo(format);
+      if (!f || f->isCompressed() || f->isDepthStencil()) return base::errorf("colour attachment %u: format %d cannot be rendered to", a, int(format));
+    }
+  if (s.depthStencilFormat != VK_FORMAT_UNDEFINED) {
+    const texture::FormatInfo* f = texture::formatInfo(s.depthStencilFormat);
+    if (!f || !f->isDepthStencil()) return base::errorf("depth/stencil format %d is not supported", int(s.depthStencilFormat));
+  }
+  return {};
+}
+
+base::Status checkVertexInput(const GraphicsState& s, const frontend::Shader& vertex) {
+  for (const auto& binding : s.vertexBindings)
+    if (binding.binding >= kMaxVertexBindings) return base::errorf("vertex binding %u: at most %u are possible", binding.binding, kMaxVertexBindings);
+  for (const ir::Inst& i : vertex.function.insts) {
+    if (i.op != ir::Op::ShaderInput) continue;
+    const Place p = place(vertex.inputs[i.imm >> 32], uint32_t(i.imm));
+    if (ir::typeBytes(i.type) == 8) return base::errorf("vertex input at location %u: 64-bit attributes are not supported", p.location);
+    const VkVertexInputAttributeDescription* attribute = nullptr;
+    for (const auto& a : s.vertexAttributes)
+      if (a.location == p.location) attribute = &a;
+    if (!attribute) return base::errorf("the vertex shader reads location %u, for which there is no attribute", p.location);
+    const texture::FormatInfo* f = texture::formatInfo(attribute->format);
+    if (!f || f->isCompressed() || f->isDepthStencil())
+      return base::errorf("vertex attribute at location %u: format %d is not supported", p.location, int(attribute->format));
+    bool bound = false;
+    for (const auto& binding : s.vertexBindings) bound |= binding.binding == attribute->binding;
+    if (!bound) return base::errorf("vertex attribute at location %u: binding %u is not described", p.location, attribute->binding);
+  }
+  return {};
+}
+
+template <typename T>
+base::Error in(const char* stage, base::Result<T>&& r) {
+  return base::errorf("%s stage: %s", stage, r.error().message.c_str());
+}
+
+}  // namespace
+
+const GraphicsState& graphicsState(const GraphicsPipeline& pipeline) { return pipeline.state; }
+
+base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
+                                                                       std::shared_ptr<const frontend::Shader> vertex,
+                                                                       std::shared_ptr<const frontend::Shader> fragment) {
+  if (!vertex) return base::errorf("there is no vertex stage");
+  auto p = std::make_shared<GraphicsPipeline>();
+  p->state = std::move(state);
+  p->layout = std::move(layout);
+  p->vertex = std::move(vertex);
+  if (!p->state.rasterizerDiscard) p->fragment = std::move(fragment);
+
+  PUMICE_TRY(checkState(p->state));
+  PUMICE_TRY(checkVertexInput(p->state, *p->vertex));
+  if (auto r = checkResources(*p->vertex, *p->layout); !r) return in("vertex", std::move(r));
+  auto link = linkStages(p->state, *p->vertex, p->fragment.get());
+  if (!link) return std::move(link).error();
+  p->link = std::move(link).value();
+  auto vertexImages = ImageUses::collect(*p->vertex, *p->layout);
+  if (!vertexImages) return in("vertex", std::move(vertexImages));
+  p->vertexImages = std::move(vertexImages).value();
+  if (p->fragment) {
+    if (auto r = checkResources(*p->fragment, *p->layout); !r) return in("fragment", std::move(r));
+    auto images = ImageUses::collect(*p->fragment, *p->layout);
+    if (!images) return in("fragment", std::move(images));
+    p->fragmentImages = std::move(images).value();
+  }
+
+  // One routine per stage is made now, so that what is not supported is found. Without images it is the very one draws use.
+  VertexKey vertexKey;
+  vertexKey.images = p->vertexImages.plausible(*p->vertex, *p->layout);
+  auto v = buildVertexRoutine(*p, vertexKey);
+  if (!v) return in("vertex", std::move(v));
+  p->vertexVariants.insert(vertexKey, std::move(v).value());
+  if (!p->state.rasterizerDiscard) {
+    FragmentKey key;
+    if (p->fragment) key.images = p->fragmentImages.plausible(*p->fragment, *p->layout);
+    auto f = buildFragmentRoutine(*p, key);
+    if (!f) return in("fragment", std::move(f));
+    p->fragmentVariants.insert(key, std::move(f).value());
+  }
+  return p;
+}
+
+base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader) {
+  if (!shader) return base::errorf("there is no compute stage");
+  auto p = std::make_shared<ComputePipeline>();
+  p->layout = std::move(layout);
+  p->shader = std::move(shader);
+  if (auto r = checkResources(*p->shader, *p->layout); !r) return in("compute", std::move(r));
+  auto images = ImageUses::collect(*p->shader, *p->layout);
+  if (!images) return in("compute", std::move(images));
+  p->images = std::move(images).value();
+  ComputeKey key{p->images.plausible(*p->shader, *p->layout)};
+  auto r = buildComputeRoutine(*p, key);
+  if (!r) return in("compute", std::move(r));
+  p->variants.insert(key, std::move(r).value());
+  return p;
+}
+
+namespace {
+
+//! Made outside the lock; who loses a race discards. A failure is kept as null and so logged once.
+template <typename Key, typename Routine, typename Make>
+std::shared_ptr<const Routine> findOrMake(Variants<Key, Routine>& variants, const Key& key, const char* stage, Make&& make) {
+  bool known = false;
+  if (auto found = variants.find(key, known); known) return found;
+  auto made = make();
+  if (!made) base::logError("%s routine: %s", stage, made.error().message.c_str());
+  return variants.insert(key, made ? std::shared_ptr<const Routine>(std::move(made).value()) : nullptr);
+}
+
+}  // namespace
+
+std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& p, const DrawState& draw) {
+  VertexKey key;
+  key.images = p.vertexImages.read(*p.vertex, *p.layout, draw.setMemory, draw.setSize);
+  return findOrMake(p.vertexVariants, key, "vertex", [&] { return buildVertexRoutine(p, key); });
+}
+
+std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples) {
+  FragmentKey key;
+  key.countSamples = countSamples;
+  if (p.fragment) key.images = p.fragmentImages.read(*p.fragment, *p.layout, draw.setMemory, draw.setSize);
+  return findOrMake(p.fragmentVariants, key, "fragment", [&] { return buildFragmentRoutine(p, key); });
+}
+
+std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& p, const DispatchState& dispatch) {
+  ComputeKey key{p.images.read(*p.shader, *p.layout, dispatch.setMemory, dispatch.setSize)};
+  return findOrMake(p.variants, key, "compute", [&] { return buildComputeRoutine(p, key); });
+}
+
+void fillConstants(const DrawState& draw, DrawConstants& c) {
+  c.minDepth = draw.viewport.minDepth;
+  c.maxDepth = draw.viewport.maxDepth;
+  for (int i = 0; i < 4; ++i) c.blendConstants[i] = draw.blendConstants[i];
+  for (int i = 0; i < 2; ++i) {
+    c.stencilReference[i] = draw.stencilReference[i];
+    c.stencilCompareMask[i] = draw.stencilCompareMask[i];
+    c.stencilWriteMask[i] = draw.stencilWriteMask[i];
+    c.depthBounds[i] = draw.depthBounds[i];
+  }
+  std::memcpy(c.dynamicOffsets, draw.dynamicOffsets, sizeof c.dynamicOffsets);
+  std::memcpy(c.vertexBuffers, draw.vertexBuffers, sizeof c.vertexBuffers);
+}
+
+void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, const DrawConstants& constants,
+                interp::Tables& tables) {
+  tables[ir::kTablePush] = {push, kMaxPushBytes};
+  tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&constants), sizeof constants};
+  for (uint32_t i = 0; i < ir::kMaxDescriptorSets; ++i)
+    tables[ir::kTableSet0 + i] = {setMemory[i], setMemory[i] ? setSize[i] : 0};
+}
+
+}  // namespace pumice::pipeline

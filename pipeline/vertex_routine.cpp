@@ -1,0 +1,104 @@
+// Vertex fetch, vertex shader, and the rows that clipping and setup read.
+#include "base/log.h"
+#include "pipeline/builders.h"
+
+namespace pumice::pipeline {
+
+using ir::Type;
+using ir::Value;
+
+namespace {
+
+constexpr uint32_t kSlotVertexIndex = 0, kSlotInstanceIndex = 1;
+
+class VertexExpander : public StageExpander {
+ public:
+  VertexExpander(const GraphicsPipeline& p, const VertexKey& key)
+      : StageExpander(*p.vertex, *p.layout, p.vertexImages, key.images), pipeline_(p) {}
+
+  //! Declares a variable per row: what the shader does not write is zero.
+  void declare(ir::Builder& b) {
+    for (uint32_t r = 0; r < pipeline_.link.rowCount; ++r) rows_.push_back(b.var(Type::F32));
+  }
+  void writeRows(ir::Builder& b) {
+    for (uint32_t r = 0; r < rows_.size(); ++r) b.output(r, b.get(rows_[r]));
+  }
+
+  Value shaderInput(ir::Builder& b, Type type, uint32_t variable, uint32_t component, std::span<const Value>) override {
+    const Place p = place(shader_.inputs[variable], component);
+    const texture::Texel texel = fetchAttribute(b, pipeline_.state, p.location);
+    return toType(b, type, texel[p.component & 3]);
+  }
+
+  void shaderOutput(ir::Builder& b, uint32_t variable, uint32_t component, Value value, std::span<const Value>) override {
+    const frontend::InterfaceVariable& v = shader_.outputs[variable];
+    int32_t row = -1;
+    if (v.builtIn) {
+      if (v.location == kPosition) row = int32_t(component & 3);
+      if (v.location == kPointSize) row = pipeline_.link.pointSizeRow;
+    } else if (auto it = pipeline_.link.rows.find(place(v, component)); it != pipeline_.link.rows.end()) {
+      row = int32_t(it->second);
+    }
+    if (row >= 0) b.set(rows_[size_t(row)], toType(b, Type::F32, value));
+  }
+
+  Value builtin(ir::Builder& b, Type type, uint32_t builtIn, uint32_t) override {
+    switch (builtIn) {
+      case kVertexIndex: return toType(b, type, b.input(Type::I32, kSlotVertexIndex));
+      case kInstanceIndex: return toType(b, type, b.input(Type::I32, kSlotInstanceIndex));
+      case kBaseVertex: return toType(b, type, PUMICE_DRAW_FIELD(b, I32, vertexOffset));
+      case kBaseInstance: return toType(b, type, PUMICE_DRAW_FIELD(b, I32, firstInstance));
+      case kDrawIndex: return toType(b, type, PUMICE_DRAW_FIELD(b, I32, drawIndex));
+      case kViewIndex: return toType(b, type, PUMICE_DRAW_FIELD(b, I32, viewIndex));
+      case kDeviceIndex: return b.zero(type);
+      default: fail(base::errorf("vertex stage: built-in %u is not supported", builtIn).message); return b.zero(type);
+    }
+  }
+
+ private:
+  const GraphicsPipeline& pipeline_;
+  std::vector<Value> rows_;
+};
+
+}  // namespace
+
+texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location) {
+  const VkVertexInputAttributeDescription* attribute = nullptr;
+  for (const auto& a : state.vertexAttributes)
+    if (a.location == location) attribute = &a;
+  const VkVertexInputBindingDescription* binding = nullptr;
+  if (attribute)
+    for (const auto& v : state.vertexBindings)
+      if (v.binding == attribute->binding) binding = &v;
+  const texture::FormatInfo* format = attribute ? texture::formatInfo(attribute->format) : nullptr;
+  if (!binding || !format) return {b.f32(0), b.f32(0), b.f32(0), b.f32(1)};
+
+  const size_t buffer = offsetof(DrawConstants, vertexBuffers) + sizeof(VertexBufferRef) * binding->binding;
+  const Value base = b.uniform(Type::I64, uint32_t(buffer + offsetof(VertexBufferRef, base)));
+  const Value size = b.uniform(Type::I64, uint32_t(buffer + offsetof(VertexBufferRef, size)));
+  const bool instanced = binding->inputRate == VK_VERTEX_INPUT_RATE_INSTANCE;
+  // 64 bits: an index may be anything, and index * stride must not wrap back into the buffer.
+  const Value index = b.convert(ir::Op::ZExt, Type::I64, b.input(Type::I32, instanced ? kSlotInstanceIndex : kSlotVertexIndex));
+  const Value offset = b.iadd(b.imul(index, b.i64(binding->stride)), b.i64(attribute->offset));
+  return texture::loadTexel(b, *format, base, offset, size, true);
+}
+
+base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key) {
+  ir::Function f;
+  f.name = "vertex routine";
+  ir::Builder b(f);
+  VertexExpander expander(pipeline, key);
+  expander.declare(b);
+  ir::inlineShader(b, pipeline.vertex->function, expander);
+  expander.writeRows(b);
+  if (!expander.error().empty()) return base::Error{expander.error()};
+  auto code = finishRoutine(f, key.numerics);
+  if (!code) return std::move(code).error();
+  auto routine = std::make_shared<VertexRoutine>();
+  routine->code = std::move(code).value();
+  routine->rowCount = pipeline.link.rowCount;
+  routine->pointSizeRow = pipeline.link.pointSizeRow;
+  return routine;
+}
+
+}  // namespace pumice::pipeline
