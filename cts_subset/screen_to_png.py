@@ -1,8 +1,8 @@
 """Writes what an Xvfb screen shows as a PNG. The server must run with -fbdir.
 
-usage: screen_to_png.py <fbdir>/Xvfb_screen0 <picture.png> [<width> <height>]
+usage: screen_to_png.py <fbdir>/Xvfb_screen0 <picture.png> [<x> <y> <width> <height>]
 
-With a size, only that much of the upper left corner: where the first window stands without a window manager.
+With a rectangle, only what lies in it: without a window manager a window stays where its program put it.
 """
 import struct
 import sys
@@ -20,13 +20,15 @@ if version != 7 or pixmap_format != 2 or depth != 24 or bits_per_pixel != 32:
     sys.exit(f"{source}: not a 24-bit screen of 32 bits per pixel")
 start = header_size + colors * 12
 
-width, height = full_width, full_height
-if len(sys.argv) > 4:
-    width, height = min(width, int(sys.argv[3])), min(height, int(sys.argv[4]))
+left, top, width, height = 0, 0, full_width, full_height
+if len(sys.argv) > 3:
+    left, top, width, height = map(int, sys.argv[3:7])
+    width, height = min(width, full_width - left), min(height, full_height - top)
 
 rows = bytearray()
-for y in range(height):
-    line = data[start + y * bytes_per_line : start + y * bytes_per_line + width * 4]
+for y in range(top, top + height):
+    first = start + y * bytes_per_line + left * 4
+    line = data[first : first + width * 4]
     order = (2, 1, 0) if byte_order == 0 else (1, 2, 3)
     row = bytearray(width * 3)
     for channel, offset in enumerate(order):
