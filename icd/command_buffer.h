@@ -1,0 +1,114 @@
+// Command buffers: a list of typed commands in an arena, with the state each draw needs captured at its recording.
+#pragma once
+
+#include <new>
+#include <unordered_set>
+#include <vector>
+
+#include "base/arena.h"
+#include "icd/descriptors.h"
+#include "icd/pipelines.h"
+#include "icd/render_pass.h"
+#include "icd/sync.h"
+#include "pipeline/execute.h"
+
+namespace pumice::icd {
+
+//! What the queue's thread carries from command to command.
+struct Execution {
+  Execution(Device& d, SyncHub& h) : device(d), pool(d.pool), hub(h), pass(d.pool) {}
+  Device& device;
+  base::ThreadPool& pool;
+  SyncHub& hub;
+  pipeline::PassExecutor pass;
+  // The render pass that is open
+  const RenderPass* renderPass = nullptr;
+  const Framebuffer* framebuffer = nullptr;
+  const std::vector<ImageView*>* views = nullptr;
+  const std::vector<VkClearValue>* clears = nullptr;
+  VkRect2D area{};
+  uint32_t subpass = 0;
+  bool insidePass = false;
+  // Occlusion
+  Query* occlusion = nullptr;                 //!< begun, not ended
+  std::vector<Query*> finishing;              //!< ended in the pass that is open
+
+  void beginPass(const pipeline::PassBegin& begin);
+  void beginSubpass() { beginPass(subpassBegin(*renderPass, subpass, *framebuffer, *views, area, *clears)); }
+  void endPass();
+};
+
+struct CommandPool;
+
+struct CommandBuffer : Dispatchable {
+  CommandBuffer(Device& d, CommandPool& p, VkCommandBufferLevel l) : device(d), pool(p), level(l) {}
+  ~CommandBuffer() { reset(); }
+
+  //! Appends a command: anything callable with an Execution&. Dropped, and vkEndCommandBuffer fails, when memory runs out.
+  template <typename F>
+  void record(F&& f) {
+    using Plain = std::decay_t<F>;
+    struct Node : Command {
+      explicit Node(F&& f) : body(std::forward<F>(f)) {}
+      Plain body;
+    };
+    void* memory = arena.allocBytes(sizeof(Node), alignof(Node));
+    if (!memory) {
+      outOfMemory = true;
+      return;
+    }
+    auto* node = new (memory) Node(std::forward<F>(f));
+    node->run = [](Command* c, Execution& e) { static_cast<Node*>(c)->body(e); };
+    node->destroy = [](Command* c) { static_cast<Node*>(c)->~Node(); };
+    *tail = node;
+    tail = &node->next;
+  }
+  //! Copies an array of the application's into the arena.
+  template <typename T>
+  std::span<const T> keep(const T* data, uint32_t count) {
+    auto copy = arena.copy(std::span<const T>(data, count));
+    if (count && !copy.data()) outOfMemory = true;
+    return copy;
+  }
+  void reset();
+  void execute(Execution& e) const;
+
+  struct Command {
+    Command* next = nullptr;
+    void (*run)(Command*, Execution&) = nullptr;
+    void (*destroy)(Command*) = nullptr;
+  };
+
+  Device& device;
+  CommandPool& pool;
+  VkCommandBufferLevel level;
+  base::Arena arena;
+  Command* head = nullptr;
+  Command** tail = &head;
+  bool outOfMemory = false;
+
+  // Recording state. What the pipeline may or may not take from the command buffer is kept apart and merged when a
+  // draw captures it.
+  pipeline::DrawState draw;
+  pipeline::DispatchState dispatch;
+  struct Dynamic {
+    VkViewport viewport{};
+    VkRect2D scissor{};
+    float lineWidth = 1, depthBias[3] = {}, blendConstants[4] = {}, depthBounds[2] = {0, 1};
+    uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};
+  } dynamic;
+  const pipeline::DrawState* captured = nullptr;   //!< copy in the arena; null when something changed
+  const pipeline::DrawState* captureDraw();
+};
+
+struct CommandPool {
+  explicit CommandPool(HostAllocator a) : allocator(a) {}
+  ~CommandPool();
+  HostAllocator allocator;
+  std::unordered_set<CommandBuffer*> buffers;
+};
+
+PUMICE_HANDLE(CommandBuffer, VkCommandBuffer)
+PUMICE_HANDLE(CommandPool, VkCommandPool)
+
+}  // namespace pumice::icd

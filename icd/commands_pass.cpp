@@ -1,0 +1,157 @@
+// Render passes, queries, events and barriers in command buffers.
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+
+#include "entrypoints.h"
+#include "icd/command_buffer.h"
+
+namespace pumice::icd {
+
+void Execution::beginPass(const pipeline::PassBegin& begin) {
+  pass.begin(begin);
+  insidePass = true;
+  if (occlusion) pass.beginOcclusion(&occlusion->value);
+}
+
+// Counters are complete when the pass is: only then are its queries available.
+void Execution::endPass() {
+  if (occlusion) pass.endOcclusion();
+  pass.end();
+  insidePass = false;
+  if (finishing.empty()) return;
+  hub.update([&] {
+    for (Query* q : finishing) q->available = true;
+  });
+  finishing.clear();
+}
+
+namespace {
+
+void begin(CommandBuffer& cb, const VkRenderPassBeginInfo& info) {
+  const Framebuffer* framebuffer = from(info.framebuffer);
+  std::vector<ImageView*> views = framebuffer->views;
+  if (auto* imageless = findInChain<VkRenderPassAttachmentBeginInfo>(info.pNext, VK_STRUCTURE_TYPE_RENDER_PASS_ATTACHMENT_BEGIN_INFO))
+    for (uint32_t i = 0; i < imageless->attachmentCount; i++) views.push_back(from(imageless->pAttachments[i]));
+  std::vector<VkClearValue> clears(info.pClearValues, info.pClearValues + info.clearValueCount);
+  cb.record([pass = from(info.renderPass), framebuffer, area = info.renderArea, views = std::move(views), clears = std::move(clears)](Execution& e) {
+    e.renderPass = pass;
+    e.framebuffer = framebuffer;
+    e.views = &views;
+    e.clears = &clears;
+    e.area = area;
+    e.subpass = 0;
+    e.beginSubpass();
+  });
+}
+
+void next(CommandBuffer& cb) {
+  cb.record([](Execution& e) {
+    e.endPass();
+    e.subpass++;
+    e.beginSubpass();
+  });
+}
+
+void end(CommandBuffer& cb) {
+  cb.record([](Execution& e) { e.endPass(); });
+}
+
+}  // namespace
+
+VKAPI_ATTR void VKAPI_CALL vkCmdBeginRenderPass(VkCommandBuffer b, const VkRenderPassBeginInfo* info, VkSubpassContents) { begin(*from(b), *info); }
+VKAPI_ATTR void VKAPI_CALL vkCmdBeginRenderPass2(VkCommandBuffer b, const VkRenderPassBeginInfo* info, const VkSubpassBeginInfo*) { begin(*from(b), *info); }
+VKAPI_ATTR void VKAPI_CALL vkCmdNextSubpass(VkCommandBuffer b, VkSubpassContents) { next(*from(b)); }
+VKAPI_ATTR void VKAPI_CALL vkCmdNextSubpass2(VkCommandBuffer b, const VkSubpassBeginInfo*, const VkSubpassEndInfo*) { next(*from(b)); }
+VKAPI_ATTR void VKAPI_CALL vkCmdEndRenderPass(VkCommandBuffer b) { end(*from(b)); }
+VKAPI_ATTR void VKAPI_CALL vkCmdEndRenderPass2(VkCommandBuffer b, const VkSubpassEndInfo*) { end(*from(b)); }
+
+VKAPI_ATTR void VKAPI_CALL vkCmdClearAttachments(VkCommandBuffer buffer, uint32_t attachmentCount, const VkClearAttachment* attachments, uint32_t rectCount, const VkClearRect* rects) {
+  CommandBuffer& cb = *from(buffer);
+  auto a = cb.keep(attachments, attachmentCount);
+  auto r = cb.keep(rects, rectCount);
+  cb.record([a, r](Execution& e) {
+    for (const VkClearAttachment& attachment : a)
+      for (const VkClearRect& rect : r) e.pass.clear(attachment, rect);
+  });
+}
+
+// --- queries
+
+VKAPI_ATTR void VKAPI_CALL vkCmdResetQueryPool(VkCommandBuffer b, VkQueryPool pool, uint32_t first, uint32_t count) {
+  from(b)->record([pool = from(pool), first, count](Execution& e) {
+    e.hub.update([&] { std::fill_n(pool->queries.begin() + first, count, Query{}); });
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdBeginQuery(VkCommandBuffer b, VkQueryPool pool, uint32_t index, VkQueryControlFlags) {
+  from(b)->record([query = &from(pool)->queries[index]](Execution& e) {
+    query->value = 0;
+    e.occlusion = query;
+    if (e.insidePass) e.pass.beginOcclusion(&query->value);
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdEndQuery(VkCommandBuffer b, VkQueryPool pool, uint32_t index) {
+  from(b)->record([query = &from(pool)->queries[index]](Execution& e) {
+    e.occlusion = nullptr;
+    if (e.insidePass) {
+      e.pass.endOcclusion();
+      e.finishing.push_back(query);
+    } else {
+      e.hub.update([&] { query->available = true; });
+    }
+  });
+}
+
+static void recordTimestamp(VkCommandBuffer b, VkQueryPool pool, uint32_t index) {
+  from(b)->record([query = &from(pool)->queries[index]](Execution& e) {
+    auto now = std::chrono::steady_clock::now().time_since_epoch();
+    uint64_t value = uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
+    e.hub.update([&] { *query = {value, true}; });
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdWriteTimestamp(VkCommandBuffer b, VkPipelineStageFlagBits, VkQueryPool pool, uint32_t index) { recordTimestamp(b, pool, index); }
+VKAPI_ATTR void VKAPI_CALL vkCmdWriteTimestamp2(VkCommandBuffer b, VkPipelineStageFlags2, VkQueryPool pool, uint32_t index) { recordTimestamp(b, pool, index); }
+
+VKAPI_ATTR void VKAPI_CALL vkCmdCopyQueryPoolResults(VkCommandBuffer b, VkQueryPool pool, uint32_t first, uint32_t count, VkBuffer dst, VkDeviceSize offset, VkDeviceSize stride,
+                                                     VkQueryResultFlags flags) {
+  from(b)->record([pool = from(pool), first, count, out = from(dst)->range(offset), stride, flags](Execution& e) {
+    for (uint32_t i = 0; i < count; i++) {
+      const Query& query = pool->queries[first + i];
+      uint64_t at = i * stride;
+      if (at < out.size) e.hub.read([&] { return writeQueryResult(query, flags, out.base + at, out.size - at); });
+    }
+  });
+}
+
+// --- events and barriers. Commands of the one queue run one after another, each complete before the next, so a
+// barrier has nothing left to order; only events that the host sets must be waited for.
+
+static void recordSetEvent(VkCommandBuffer b, VkEvent event, bool value) {
+  from(b)->record([event = from(event), value](Execution& e) { e.hub.update([&] { event->set = value; }); });
+}
+
+static void recordWaitEvents(VkCommandBuffer b, uint32_t count, const VkEvent* events) {
+  CommandBuffer& cb = *from(b);
+  auto kept = cb.keep(events, count);
+  cb.record([kept](Execution& e) {
+    e.hub.wait(~0ull, [&] { return std::all_of(kept.begin(), kept.end(), [](VkEvent h) { return from(h)->set; }); });
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdSetEvent(VkCommandBuffer b, VkEvent event, VkPipelineStageFlags) { recordSetEvent(b, event, true); }
+VKAPI_ATTR void VKAPI_CALL vkCmdSetEvent2(VkCommandBuffer b, VkEvent event, const VkDependencyInfo*) { recordSetEvent(b, event, true); }
+VKAPI_ATTR void VKAPI_CALL vkCmdResetEvent(VkCommandBuffer b, VkEvent event, VkPipelineStageFlags) { recordSetEvent(b, event, false); }
+VKAPI_ATTR void VKAPI_CALL vkCmdResetEvent2(VkCommandBuffer b, VkEvent event, VkPipelineStageFlags2) { recordSetEvent(b, event, false); }
+VKAPI_ATTR void VKAPI_CALL vkCmdWaitEvents2(VkCommandBuffer b, uint32_t count, const VkEvent* events, const VkDependencyInfo*) { recordWaitEvents(b, count, events); }
+VKAPI_ATTR void VKAPI_CALL vkCmdWaitEvents(VkCommandBuffer b, uint32_t count, const VkEvent* events, VkPipelineStageFlags, VkPipelineStageFlags, uint32_t,
+                                           const VkMemoryBarrier*, uint32_t, const VkBufferMemoryBarrier*, uint32_t, const VkImageMemoryBarrier*) {
+  recordWaitEvents(b, count, events);
+}
+VKAPI_ATTR void VKAPI_CALL vkCmdPipelineBarrier(VkCommandBuffer, VkPipelineStageFlags, VkPipelineStageFlags, VkDependencyFlags, uint32_t, const VkMemoryBarrier*, uint32_t,
+                                                const VkBufferMemoryBarrier*, uint32_t, const VkImageMemoryBarrier*) {}
+VKAPI_ATTR void VKAPI_CALL vkCmdPipelineBarrier2(VkCommandBuffer, const VkDependencyInfo*) {}
+
+}  // namespace pumice::icd

@@ -1,0 +1,310 @@
+#include "icd/descriptors.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "entrypoints.h"
+
+namespace pumice::icd {
+namespace {
+
+constexpr bool isDynamic(VkDescriptorType type) {
+  return type == VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC || type == VK_DESCRIPTOR_TYPE_STORAGE_BUFFER_DYNAMIC;
+}
+
+bool hasSampler(VkDescriptorType type) { return type == VK_DESCRIPTOR_TYPE_SAMPLER || type == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER; }
+
+// Where the sampler part of an element lies.
+texture::SamplerDescriptor* samplerPart(VkDescriptorType type, std::byte* element) {
+  return reinterpret_cast<texture::SamplerDescriptor*>(
+      element + (type == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER ? offsetof(texture::CombinedDescriptor, sampler) : 0));
+}
+
+pipeline::SetLayout makeSetLayout(const VkDescriptorSetLayoutCreateInfo& info) {
+  pipeline::SetLayout layout;
+  for (uint32_t i = 0; i < info.bindingCount; i++) {
+    const VkDescriptorSetLayoutBinding& b = info.pBindings[i];
+    pipeline::Binding binding;
+    binding.type = b.descriptorType;
+    binding.count = b.descriptorCount;
+    binding.stride = texture::descriptorStride(b.descriptorType);
+    binding.stages = b.stageFlags;
+    if (b.pImmutableSamplers && hasSampler(b.descriptorType))
+      for (uint32_t k = 0; k < b.descriptorCount; k++) binding.immutableSamplers.push_back(from(b.pImmutableSamplers[k])->descriptor);
+    layout.bindings[b.binding] = std::move(binding);
+  }
+  // Offsets and dynamic offsets run in the order of binding numbers (spec, vkCmdBindDescriptorSets).
+  for (auto& [number, binding] : layout.bindings) {
+    binding.offset = layout.size;
+    layout.size += (binding.stride * binding.count + 63) & ~63u;
+    if (isDynamic(binding.type)) {
+      binding.dynamicIndex = layout.dynamicCount;
+      layout.dynamicCount += binding.count;
+    }
+  }
+  return layout;
+}
+
+// Arrays run on into the following bindings (spec, "consecutive binding updates").
+class ElementWalk {
+ public:
+  ElementWalk(const DescriptorSet& set, uint32_t binding, uint32_t element) : set_(set), it_(set.layout->bindings.find(binding)), element_(element) { skipFull(); }
+  bool valid() const { return it_ != set_.layout->bindings.end(); }
+  const pipeline::Binding& binding() const { return it_->second; }
+  std::byte* address() const { return set_.at(it_->second, element_); }
+  uint32_t element() const { return element_; }
+  void next() {
+    element_++;
+    skipFull();
+  }
+
+ private:
+  void skipFull() {
+    while (valid() && element_ >= it_->second.count) element_ -= it_->second.count, ++it_;
+  }
+  const DescriptorSet& set_;
+  std::map<uint32_t, pipeline::Binding>::const_iterator it_;
+  uint32_t element_;
+};
+
+void writeBuffer(std::byte* out, const VkDescriptorBufferInfo& info) {
+  texture::BufferDescriptor d;
+  if (const Buffer* buffer = from(info.buffer)) {
+    texture::BufferMemory range = buffer->range(info.offset, info.range);
+    d.base = reinterpret_cast<uint64_t>(range.base);
+    d.size = range.size;
+  }
+  std::memcpy(out, &d, sizeof d);
+}
+
+void writeImage(std::byte* out, const VkDescriptorImageInfo& info) {
+  texture::ImageDescriptor d;
+  if (const ImageView* view = from(info.imageView)) d = view->descriptor;
+  std::memcpy(static_cast<void*>(out), &d, sizeof d);
+}
+
+// One element from the application's structure of its type.
+void writeElement(const ElementWalk& at, VkDescriptorType type, const void* source) {
+  std::byte* out = at.address();
+  switch (type) {
+    case VK_DESCRIPTOR_TYPE_SAMPLER:
+    case VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER: {
+      auto& info = *static_cast<const VkDescriptorImageInfo*>(source);
+      if (type == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER) writeImage(out, info);
+      if (at.binding().immutableSamplers.empty() && info.sampler) *samplerPart(type, out) = from(info.sampler)->descriptor;
+      break;
+    }
+    case VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE:
+    case VK_DESCRIPTOR_TYPE_STORAGE_IMAGE:
+    case VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT:
+      writeImage(out, *static_cast<const VkDescriptorImageInfo*>(source));
+      break;
+    case VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER:
+    case VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER: {
+      const BufferView* view = from(*static_cast<const VkBufferView*>(source));
+      texture::BufferDescriptor d;
+      if (view) d = view->descriptor;
+      std::memcpy(out, &d, sizeof d);
+      break;
+    }
+    default: writeBuffer(out, *static_cast<const VkDescriptorBufferInfo*>(source)); break;
+  }
+}
+
+// The array of a VkWriteDescriptorSet that its type uses, and its stride.
+std::pair<const void*, size_t> sourceOf(const VkWriteDescriptorSet& w) {
+  switch (w.descriptorType) {
+    case VK_DESCRIPTOR_TYPE_SAMPLER:
+    case VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER:
+    case VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE:
+    case VK_DESCRIPTOR_TYPE_STORAGE_IMAGE:
+    case VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT: return {w.pImageInfo, sizeof(VkDescriptorImageInfo)};
+    case VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER:
+    case VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER: return {w.pTexelBufferView, sizeof(VkBufferView)};
+    default: return {w.pBufferInfo, sizeof(VkDescriptorBufferInfo)};
+  }
+}
+
+}  // namespace
+
+VkResult DescriptorPool::allocate(const DescriptorSetLayout& handle, DescriptorSet** out) {
+  const pipeline::SetLayout& layout = *handle.layout;
+  if (sets.size() >= maxSets) return VK_ERROR_OUT_OF_POOL_MEMORY;
+  std::array<uint32_t, 11> rest = available;
+  for (auto& [number, b] : layout.bindings) {
+    if (b.type >= rest.size()) continue;
+    if (rest[b.type] < b.count) return VK_ERROR_OUT_OF_POOL_MEMORY;
+    rest[b.type] -= b.count;
+  }
+  auto* set = makeObject<DescriptorSet>(allocator, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT);
+  if (!set) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  if (layout.size) {
+    set->memory = static_cast<std::byte*>(allocator.allocate(layout.size, 64, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT));
+    if (!set->memory) {
+      destroyObject(allocator, set);
+      return VK_ERROR_OUT_OF_HOST_MEMORY;
+    }
+    std::memset(set->memory, 0, layout.size);
+  }
+  set->layout = handle.layout;
+  set->pool = this;
+  try {
+    sets.insert(set);
+  } catch (const std::bad_alloc&) {
+    allocator.free(set->memory);
+    destroyObject(allocator, set);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  available = rest;
+  for (auto& [number, b] : layout.bindings)
+    for (uint32_t i = 0; i < b.immutableSamplers.size(); i++) *samplerPart(b.type, set->at(b, i)) = b.immutableSamplers[i];
+  *out = set;
+  return VK_SUCCESS;
+}
+
+void DescriptorPool::free(DescriptorSet* set) {
+  for (auto& [number, b] : set->layout->bindings)
+    if (b.type < available.size()) available[b.type] += b.count;
+  sets.erase(set);
+  allocator.free(set->memory);
+  destroyObject(allocator, set);
+}
+
+void DescriptorPool::reset() {
+  while (!sets.empty()) free(*sets.begin());
+}
+
+DescriptorPool::~DescriptorPool() { reset(); }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorSetLayout(VkDevice device, const VkDescriptorSetLayoutCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorSetLayout* out) {
+  auto* layout = from(device)->make<DescriptorSetLayout>(callbacks);
+  if (!layout) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  try {
+    layout->layout = std::make_shared<pipeline::SetLayout>(makeSetLayout(*info));
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, layout);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkDescriptorSetLayout>(layout);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyDescriptorSetLayout(VkDevice device, VkDescriptorSetLayout layout, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(layout));
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetDescriptorSetLayoutSupport(VkDevice, const VkDescriptorSetLayoutCreateInfo* info, VkDescriptorSetLayoutSupport* out) {
+  uint64_t total = 0;
+  for (uint32_t i = 0; i < info->bindingCount; i++) total += info->pBindings[i].descriptorCount;
+  out->supported = total <= 1 << 20;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorPool(VkDevice handle, const VkDescriptorPoolCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorPool* out) {
+  Device& device = *from(handle);
+  auto* pool = device.make<DescriptorPool>(callbacks, device.allocatorFor(callbacks));
+  if (!pool) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  pool->maxSets = info->maxSets;
+  for (uint32_t i = 0; i < info->poolSizeCount; i++)
+    if (info->pPoolSizes[i].type < pool->available.size()) pool->available[info->pPoolSizes[i].type] += info->pPoolSizes[i].descriptorCount;
+  *out = to<VkDescriptorPool>(pool);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyDescriptorPool(VkDevice device, VkDescriptorPool pool, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(pool));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkResetDescriptorPool(VkDevice, VkDescriptorPool pool, VkDescriptorPoolResetFlags) {
+  from(pool)->reset();
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkAllocateDescriptorSets(VkDevice, const VkDescriptorSetAllocateInfo* info, VkDescriptorSet* out) {
+  DescriptorPool& pool = *from(info->descriptorPool);
+  for (uint32_t i = 0; i < info->descriptorSetCount; i++) {
+    DescriptorSet* set = nullptr;
+    VkResult result = pool.allocate(*from(info->pSetLayouts[i]), &set);
+    if (result != VK_SUCCESS) {
+      while (i--) pool.free(from(out[i]));
+      std::fill_n(out, info->descriptorSetCount, VkDescriptorSet(VK_NULL_HANDLE));
+      return result;
+    }
+    out[i] = to<VkDescriptorSet>(set);
+  }
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkFreeDescriptorSets(VkDevice, VkDescriptorPool pool, uint32_t count, const VkDescriptorSet* sets) {
+  for (uint32_t i = 0; i < count; i++)
+    if (sets[i]) from(pool)->free(from(sets[i]));
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkUpdateDescriptorSets(VkDevice, uint32_t writes, const VkWriteDescriptorSet* write, uint32_t copies, const VkCopyDescriptorSet* copy) {
+  for (uint32_t i = 0; i < writes; i++) {
+    const VkWriteDescriptorSet& w = write[i];
+    auto [source, stride] = sourceOf(w);
+    ElementWalk at(*from(w.dstSet), w.dstBinding, w.dstArrayElement);
+    for (uint32_t k = 0; k < w.descriptorCount && at.valid(); k++, at.next())
+      writeElement(at, w.descriptorType, static_cast<const std::byte*>(source) + k * stride);
+  }
+  for (uint32_t i = 0; i < copies; i++) {
+    const VkCopyDescriptorSet& c = copy[i];
+    ElementWalk src(*from(c.srcSet), c.srcBinding, c.srcArrayElement), dst(*from(c.dstSet), c.dstBinding, c.dstArrayElement);
+    for (uint32_t k = 0; k < c.descriptorCount && src.valid() && dst.valid(); k++, src.next(), dst.next())
+      std::memmove(dst.address(), src.address(), std::min(src.binding().stride, dst.binding().stride));
+  }
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorUpdateTemplate(VkDevice device, const VkDescriptorUpdateTemplateCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorUpdateTemplate* out) {
+  auto* t = from(device)->make<DescriptorUpdateTemplate>(callbacks);
+  if (!t) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  try {
+    t->entries.assign(info->pDescriptorUpdateEntries, info->pDescriptorUpdateEntries + info->descriptorUpdateEntryCount);
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, t);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkDescriptorUpdateTemplate>(t);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyDescriptorUpdateTemplate(VkDevice device, VkDescriptorUpdateTemplate t, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(t));
+}
+
+VKAPI_ATTR void VKAPI_CALL vkUpdateDescriptorSetWithTemplate(VkDevice, VkDescriptorSet set, VkDescriptorUpdateTemplate t, const void* data) {
+  for (const VkDescriptorUpdateTemplateEntry& e : from(t)->entries) {
+    ElementWalk at(*from(set), e.dstBinding, e.dstArrayElement);
+    for (uint32_t k = 0; k < e.descriptorCount && at.valid(); k++, at.next())
+      writeElement(at, e.descriptorType, static_cast<const std::byte*>(data) + e.offset + k * e.stride);
+  }
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreatePipelineLayout(VkDevice device, const VkPipelineLayoutCreateInfo* info, const VkAllocationCallbacks* callbacks, VkPipelineLayout* out) {
+  auto* object = from(device)->make<PipelineLayout>(callbacks);
+  if (!object) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  try {
+    auto layout = std::make_shared<pipeline::Layout>();
+    uint32_t dynamic = 0;
+    for (uint32_t i = 0; i < info->setLayoutCount; i++) {
+      layout->sets.push_back(info->pSetLayouts[i] ? *from(info->pSetLayouts[i])->layout : pipeline::SetLayout{});
+      layout->dynamicBase.push_back(dynamic);
+      dynamic += layout->sets.back().dynamicCount;
+    }
+    for (uint32_t i = 0; i < info->pushConstantRangeCount; i++)
+      layout->pushBytes = std::max(layout->pushBytes, info->pPushConstantRanges[i].offset + info->pPushConstantRanges[i].size);
+    object->layout = std::move(layout);
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, object);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkPipelineLayout>(object);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyPipelineLayout(VkDevice device, VkPipelineLayout layout, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(layout));
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,196 @@
+// Images, image views and samplers.
+#include <algorithm>
+#include <cstring>
+
+#include "base/log.h"
+#include "entrypoints.h"
+#include "icd/resources.h"
+#include "icd/wsi/swapchain.h"
+
+namespace pumice::icd {
+namespace {
+
+VkMemoryRequirements imageRequirements(const texture::ImageLayout& layout) {
+  return {(layout.size + 63) & ~uint64_t(63), std::max<uint64_t>(layout.alignment, 64), kMemoryTypeBits};
+}
+
+void fillDedicated(void* chain) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext)
+    if (s->sType == VK_STRUCTURE_TYPE_MEMORY_DEDICATED_REQUIREMENTS) {
+      auto& d = *reinterpret_cast<VkMemoryDedicatedRequirements*>(s);
+      d.prefersDedicatedAllocation = d.requiresDedicatedAllocation = VK_FALSE;
+    }
+}
+
+uint8_t resolveSwizzle(VkComponentSwizzle s, VkComponentSwizzle identity) {
+  return uint8_t(s == VK_COMPONENT_SWIZZLE_IDENTITY ? identity : s);
+}
+
+// Address and shape of the view, as routines read them.
+void fillDescriptor(ImageView& view, const VkComponentMapping& components) {
+  const Image& image = *view.image;
+  const texture::PlaneLayout& plane = image.layout.plane(view.range.aspectMask);
+  const auto* format = texture::formatInfo(view.format);
+  texture::ImageDescriptor& d = view.descriptor;
+  std::copy_n(plane.levels + view.range.baseMipLevel, view.range.levelCount, view.levels);
+  // A block-compressed image seen through an uncompressed view (block texel views): texels are blocks.
+  if (image.layout.format->isCompressed() && format && !format->isCompressed())
+    for (auto& level : view.levels) level.width = level.elementsX, level.height = level.elementsY;
+  bool slices3D = image.layout.type == VK_IMAGE_TYPE_3D && view.viewType != VK_IMAGE_VIEW_TYPE_3D;
+  uint64_t first = plane.offset;
+  if (slices3D) {
+    // 2D (array) views of a 3D image: layers are slices.
+    first += view.range.baseArrayLayer * view.levels[0].slicePitch;
+    d.layerPitch = view.levels[0].slicePitch;
+  } else {
+    first += view.range.baseArrayLayer * plane.layerPitch;
+    d.layerPitch = plane.layerPitch;
+  }
+  d.base = reinterpret_cast<uint64_t>(image.data) + first;
+  d.levels = reinterpret_cast<uint64_t>(view.levels);
+  d.samplePitch = plane.samplePitch;
+  d.size = image.data ? image.layout.size - first : 0;
+  d.width = view.levels[0].width;
+  d.height = view.levels[0].height;
+  d.depth = slices3D ? 1 : view.levels[0].depth;
+  d.layerCount = view.range.layerCount;
+  d.levelCount = view.range.levelCount;
+  d.samples = image.layout.samples;
+
+  texture::ViewKey& k = d.key;
+  k.format = format ? uint16_t(format - texture::allFormats().data() + 1) : 0;
+  k.viewType = uint8_t(view.viewType);
+  k.tiled = image.layout.tiled;
+  VkImageAspectFlags aspect = view.range.aspectMask;
+  if (aspect & VK_IMAGE_ASPECT_DEPTH_BIT) aspect = VK_IMAGE_ASPECT_DEPTH_BIT;   // attachments may name both
+  k.aspect = uint8_t(aspect);
+  k.swizzle[0] = resolveSwizzle(components.r, VK_COMPONENT_SWIZZLE_R);
+  k.swizzle[1] = resolveSwizzle(components.g, VK_COMPONENT_SWIZZLE_G);
+  k.swizzle[2] = resolveSwizzle(components.b, VK_COMPONENT_SWIZZLE_B);
+  k.swizzle[3] = resolveSwizzle(components.a, VK_COMPONENT_SWIZZLE_A);
+  k.samples = uint8_t(image.layout.samples);
+  k.singleLevel = view.range.levelCount == 1;
+}
+
+void bindImage(VkImage handle, VkDeviceMemory memory, VkDeviceSize offset, const void* chain) {
+  Image& image = *from(handle);
+  if (auto* swapchain = findInChain<VkBindImageMemorySwapchainInfoKHR>(chain, VK_STRUCTURE_TYPE_BIND_IMAGE_MEMORY_SWAPCHAIN_INFO_KHR);
+      swapchain && swapchain->swapchain)
+    image.data = swapchainImageData(swapchain->swapchain, swapchain->imageIndex);
+  else
+    image.data = from(memory)->data + offset;
+}
+
+}  // namespace
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateImage(VkDevice handle, const VkImageCreateInfo* info, const VkAllocationCallbacks* callbacks, VkImage* out) {
+  auto* image = from(handle)->make<Image>(callbacks);
+  if (!image) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  image->flags = info->flags;
+  image->usage = info->usage;
+  image->format = info->format;
+  image->layout = texture::imageLayout(*info);
+  if (!image->layout.format || !image->layout.size) {
+    from(handle)->destroy(callbacks, image);
+    base::logError("vkCreateImage: format %d or its size is not supported", info->format);
+    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  }
+  *out = to<VkImage>(image);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyImage(VkDevice handle, VkImage image, const VkAllocationCallbacks* callbacks) {
+  from(handle)->destroy(callbacks, from(image));
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetImageMemoryRequirements(VkDevice, VkImage image, VkMemoryRequirements* out) { *out = imageRequirements(from(image)->layout); }
+
+VKAPI_ATTR void VKAPI_CALL vkGetImageMemoryRequirements2(VkDevice, const VkImageMemoryRequirementsInfo2* info, VkMemoryRequirements2* out) {
+  out->memoryRequirements = imageRequirements(from(info->image)->layout);
+  fillDedicated(out->pNext);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetDeviceImageMemoryRequirements(VkDevice, const VkDeviceImageMemoryRequirements* info, VkMemoryRequirements2* out) {
+  out->memoryRequirements = imageRequirements(texture::imageLayout(*info->pCreateInfo));
+  fillDedicated(out->pNext);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetImageSparseMemoryRequirements(VkDevice, VkImage, uint32_t* count, VkSparseImageMemoryRequirements*) { *count = 0; }
+VKAPI_ATTR void VKAPI_CALL vkGetImageSparseMemoryRequirements2(VkDevice, const VkImageSparseMemoryRequirementsInfo2*, uint32_t* count, VkSparseImageMemoryRequirements2*) { *count = 0; }
+VKAPI_ATTR void VKAPI_CALL vkGetDeviceImageSparseMemoryRequirements(VkDevice, const VkDeviceImageMemoryRequirements*, uint32_t* count, VkSparseImageMemoryRequirements2*) { *count = 0; }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkBindImageMemory(VkDevice, VkImage image, VkDeviceMemory memory, VkDeviceSize offset) {
+  bindImage(image, memory, offset, nullptr);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkBindImageMemory2(VkDevice, uint32_t count, const VkBindImageMemoryInfo* infos) {
+  for (uint32_t i = 0; i < count; i++) bindImage(infos[i].image, infos[i].memory, infos[i].memoryOffset, infos[i].pNext);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetImageSubresourceLayout(VkDevice, VkImage image, const VkImageSubresource* subresource, VkSubresourceLayout* out) {
+  *out = texture::subresourceLayout(from(image)->layout, *subresource);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateImageView(VkDevice handle, const VkImageViewCreateInfo* info, const VkAllocationCallbacks* callbacks, VkImageView* out) {
+  auto* view = from(handle)->make<ImageView>(callbacks);
+  if (!view) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  view->image = from(info->image);
+  view->viewType = info->viewType;
+  view->format = info->format;
+  view->range = info->subresourceRange;
+  const texture::ImageLayout& layout = view->image->layout;
+  if (view->range.levelCount == VK_REMAINING_MIP_LEVELS) view->range.levelCount = layout.mipLevels - view->range.baseMipLevel;
+  view->range.levelCount = std::min(view->range.levelCount, texture::kMaxLevels - std::min(view->range.baseMipLevel, texture::kMaxLevels));
+  bool slices = layout.type == VK_IMAGE_TYPE_3D && info->viewType != VK_IMAGE_VIEW_TYPE_3D;
+  uint32_t layers = slices ? std::max(1u, layout.extent.depth >> view->range.baseMipLevel) : layout.arrayLayers;
+  if (view->range.layerCount == VK_REMAINING_ARRAY_LAYERS) view->range.layerCount = layers - view->range.baseArrayLayer;
+  fillDescriptor(*view, info->components);
+  *out = to<VkImageView>(view);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyImageView(VkDevice handle, VkImageView view, const VkAllocationCallbacks* callbacks) {
+  from(handle)->destroy(callbacks, from(view));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateSampler(VkDevice handle, const VkSamplerCreateInfo* info, const VkAllocationCallbacks* callbacks, VkSampler* out) {
+  auto* sampler = from(handle)->make<Sampler>(callbacks);
+  if (!sampler) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  texture::SamplerDescriptor& d = sampler->descriptor;
+  bool white = info->borderColor == VK_BORDER_COLOR_FLOAT_OPAQUE_WHITE || info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_WHITE;
+  bool opaque = white || info->borderColor == VK_BORDER_COLOR_FLOAT_OPAQUE_BLACK || info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_BLACK;
+  bool integer = info->borderColor == VK_BORDER_COLOR_INT_TRANSPARENT_BLACK || info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_BLACK ||
+                 info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_WHITE;
+  uint32_t one = 1;
+  float unit = 1;
+  if (integer) std::memcpy(&unit, &one, sizeof unit);
+  for (int i = 0; i < 4; i++) d.border[i] = (i < 3 ? white : opaque) ? unit : 0.0f;
+  d.minLod = info->minLod;
+  d.maxLod = info->maxLod;
+  d.lodBias = info->mipLodBias;
+  d.maxAnisotropy = info->anisotropyEnable ? info->maxAnisotropy : 1;
+  texture::SamplerKey& k = d.key;
+  k.magFilter = uint8_t(info->magFilter);
+  k.minFilter = uint8_t(info->minFilter);
+  k.mipmapMode = uint8_t(info->mipmapMode);
+  k.addressU = uint8_t(info->addressModeU);
+  k.addressV = uint8_t(info->addressModeV);
+  k.addressW = uint8_t(info->addressModeW);
+  k.compareEnable = info->compareEnable != 0;
+  k.compareOp = info->compareEnable ? uint8_t(info->compareOp) : 0;
+  k.anisotropy = d.maxAnisotropy > 1;
+  k.unnormalized = info->unnormalizedCoordinates != 0;
+  k.integerBorder = integer;
+  k.zeroLod = info->maxLod == 0 && info->minLod == 0;
+  k.present = 1;
+  *out = to<VkSampler>(sampler);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroySampler(VkDevice handle, VkSampler sampler, const VkAllocationCallbacks* callbacks) {
+  from(handle)->destroy(callbacks, from(sampler));
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,131 @@
+// Device memory, buffers, buffer views and their requirements.
+#include <sys/mman.h>
+
+#include "base/log.h"
+#include "entrypoints.h"
+#include "icd/resources.h"
+
+namespace pumice::icd {
+namespace {
+
+void bindBuffer(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset) { from(buffer)->data = from(memory)->data + offset; }
+
+VkMemoryRequirements bufferRequirements(uint64_t size) { return {(size + 63) & ~uint64_t(63), 64, kMemoryTypeBits}; }
+
+void fillDedicated(void* chain) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext)
+    if (s->sType == VK_STRUCTURE_TYPE_MEMORY_DEDICATED_REQUIREMENTS) {
+      auto& d = *reinterpret_cast<VkMemoryDedicatedRequirements*>(s);
+      d.prefersDedicatedAllocation = d.requiresDedicatedAllocation = VK_FALSE;
+    }
+}
+
+}  // namespace
+
+VKAPI_ATTR VkResult VKAPI_CALL vkAllocateMemory(VkDevice handle, const VkMemoryAllocateInfo* info, const VkAllocationCallbacks* callbacks, VkDeviceMemory* out) {
+  Device& device = *from(handle);
+  uint64_t size = info->allocationSize;
+  uint64_t heap = device.physical.memory.memoryHeaps[0].size;
+  uint64_t before = device.allocatedBytes.fetch_add(size);
+  if (size > heap || before > heap - size) {
+    device.allocatedBytes -= size;
+    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  }
+  auto* memory = device.make<DeviceMemory>(callbacks);
+  if (!memory) {
+    device.allocatedBytes -= size;
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  // Pages come zeroed and only when touched: a large allocation that is never used costs nothing.
+  void* pages = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (pages == MAP_FAILED) {
+    device.destroy(callbacks, memory);
+    device.allocatedBytes -= size;
+    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  }
+  memory->data = static_cast<std::byte*>(pages);
+  memory->size = size;
+  *out = to<VkDeviceMemory>(memory);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkFreeMemory(VkDevice handle, VkDeviceMemory memoryHandle, const VkAllocationCallbacks* callbacks) {
+  if (auto* memory = from(memoryHandle)) {
+    munmap(memory->data, memory->size);
+    from(handle)->allocatedBytes -= memory->size;
+    from(handle)->destroy(callbacks, memory);
+  }
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkMapMemory(VkDevice, VkDeviceMemory memory, VkDeviceSize offset, VkDeviceSize, VkMemoryMapFlags, void** out) {
+  *out = from(memory)->data + offset;
+  return VK_SUCCESS;
+}
+
+// Mapped memory is the memory itself: nothing to undo, nothing to flush.
+VKAPI_ATTR void VKAPI_CALL vkUnmapMemory(VkDevice, VkDeviceMemory) {}
+VKAPI_ATTR VkResult VKAPI_CALL vkFlushMappedMemoryRanges(VkDevice, uint32_t, const VkMappedMemoryRange*) { return VK_SUCCESS; }
+VKAPI_ATTR VkResult VKAPI_CALL vkInvalidateMappedMemoryRanges(VkDevice, uint32_t, const VkMappedMemoryRange*) { return VK_SUCCESS; }
+
+VKAPI_ATTR void VKAPI_CALL vkGetDeviceMemoryCommitment(VkDevice, VkDeviceMemory memory, VkDeviceSize* out) { *out = from(memory)->size; }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateBuffer(VkDevice handle, const VkBufferCreateInfo* info, const VkAllocationCallbacks* callbacks, VkBuffer* out) {
+  auto* buffer = from(handle)->make<Buffer>(callbacks);
+  if (!buffer) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  // No address space holds more: the sum of requirements must not wrap.
+  if (info->size > (uint64_t(1) << 47)) {
+    from(handle)->destroy(callbacks, buffer);
+    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  }
+  buffer->size = info->size;
+  buffer->usage = info->usage;
+  *out = to<VkBuffer>(buffer);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks* callbacks) {
+  from(handle)->destroy(callbacks, from(buffer));
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetBufferMemoryRequirements(VkDevice, VkBuffer buffer, VkMemoryRequirements* out) {
+  *out = bufferRequirements(from(buffer)->size);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetBufferMemoryRequirements2(VkDevice, const VkBufferMemoryRequirementsInfo2* info, VkMemoryRequirements2* out) {
+  out->memoryRequirements = bufferRequirements(from(info->buffer)->size);
+  fillDedicated(out->pNext);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetDeviceBufferMemoryRequirements(VkDevice, const VkDeviceBufferMemoryRequirements* info, VkMemoryRequirements2* out) {
+  out->memoryRequirements = bufferRequirements(info->pCreateInfo->size);
+  fillDedicated(out->pNext);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkBindBufferMemory(VkDevice, VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset) {
+  bindBuffer(buffer, memory, offset);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkBindBufferMemory2(VkDevice, uint32_t count, const VkBindBufferMemoryInfo* infos) {
+  for (uint32_t i = 0; i < count; i++) bindBuffer(infos[i].buffer, infos[i].memory, infos[i].memoryOffset);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateBufferView(VkDevice handle, const VkBufferViewCreateInfo* info, const VkAllocationCallbacks* callbacks, VkBufferView* out) {
+  auto* view = from(handle)->make<BufferView>(callbacks);
+  if (!view) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  texture::BufferMemory range = from(info->buffer)->range(info->offset, info->range);
+  const auto* format = texture::formatInfo(info->format);
+  view->descriptor.base = reinterpret_cast<uint64_t>(range.base);
+  view->descriptor.format = info->format;
+  view->descriptor.elements = format ? uint32_t(range.size / format->elementBytes) : 0;
+  view->descriptor.size = format ? uint64_t(view->descriptor.elements) * format->elementBytes : 0;
+  *out = to<VkBufferView>(view);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyBufferView(VkDevice handle, VkBufferView view, const VkAllocationCallbacks* callbacks) {
+  from(handle)->destroy(callbacks, from(view));
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,251 @@
+// Properties, limits, features, queue families and memory of the one device.
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+
+#include "base/cpu.h"
+#include "entrypoints.h"
+#include "icd/instance.h"
+#include "pipeline/layout.h"
+#include "raster/tiles.h"
+#include "spirv_interp/interpreter/executor.h"
+#include "texture/format.h"
+
+namespace pumice::icd {
+namespace {
+
+// Vulkan spec, "Limits". Where the implementation has no bound of its own the number is a large round one.
+VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
+  VkPhysicalDeviceLimits l{};
+  constexpr uint32_t kMany = 1 << 20;
+  l.maxImageDimension1D = l.maxImageDimension2D = l.maxImageDimensionCube = 16384;
+  l.maxImageDimension3D = 2048;
+  l.maxImageArrayLayers = 2048;
+  l.maxTexelBufferElements = 128u << 20;
+  l.maxUniformBufferRange = 1u << 30;
+  l.maxStorageBufferRange = heapBytes < (2ull << 30) ? uint32_t(heapBytes) : (2u << 30);
+  l.maxPushConstantsSize = pipeline::kMaxPushBytes;
+  l.maxMemoryAllocationCount = kMany;
+  l.maxSamplerAllocationCount = kMany;
+  l.bufferImageGranularity = 1;
+  l.maxBoundDescriptorSets = ir::kMaxDescriptorSets;
+  l.maxPerStageDescriptorSamplers = l.maxPerStageDescriptorUniformBuffers = l.maxPerStageDescriptorStorageBuffers = kMany;
+  l.maxPerStageDescriptorSampledImages = l.maxPerStageDescriptorStorageImages = l.maxPerStageDescriptorInputAttachments = kMany;
+  l.maxPerStageResources = kMany;
+  l.maxDescriptorSetSamplers = l.maxDescriptorSetUniformBuffers = l.maxDescriptorSetStorageBuffers = kMany;
+  l.maxDescriptorSetSampledImages = l.maxDescriptorSetStorageImages = l.maxDescriptorSetInputAttachments = kMany;
+  l.maxDescriptorSetUniformBuffersDynamic = pipeline::kMaxDynamicOffsets / 2;
+  l.maxDescriptorSetStorageBuffersDynamic = pipeline::kMaxDynamicOffsets / 2;
+  l.maxVertexInputAttributes = pipeline::kMaxVertexAttributes;
+  l.maxVertexInputBindings = pipeline::kMaxVertexBindings;
+  l.maxVertexInputAttributeOffset = 2047;
+  l.maxVertexInputBindingStride = 2048;
+  l.maxVertexOutputComponents = raster::kMaxVaryings;
+  l.maxFragmentInputComponents = raster::kMaxVaryings;
+  l.maxFragmentOutputAttachments = pipeline::kMaxColorAttachments;
+  l.maxFragmentDualSrcAttachments = 0;
+  l.maxFragmentCombinedOutputResources = kMany;
+  l.maxComputeSharedMemorySize = 64 << 10;
+  for (uint32_t& n : l.maxComputeWorkGroupCount) n = 65535;
+  l.maxComputeWorkGroupInvocations = 1024;
+  l.maxComputeWorkGroupSize[0] = l.maxComputeWorkGroupSize[1] = 1024;
+  l.maxComputeWorkGroupSize[2] = 64;
+  l.subPixelPrecisionBits = raster::kSubpixelBits;
+  l.subTexelPrecisionBits = 8;
+  l.mipmapPrecisionBits = 8;
+  l.maxDrawIndexedIndexValue = 0xffffffffu;
+  l.maxDrawIndirectCount = 0xffffffffu;
+  l.maxSamplerLodBias = 16;
+  l.maxSamplerAnisotropy = 1;
+  l.maxViewports = raster::kMaxViewports;
+  l.maxViewportDimensions[0] = l.maxViewportDimensions[1] = 16384;
+  l.viewportBoundsRange[0] = -32768;
+  l.viewportBoundsRange[1] = 32767;
+  l.viewportSubPixelBits = 8;
+  l.minMemoryMapAlignment = 4096;
+  l.minTexelBufferOffsetAlignment = l.minUniformBufferOffsetAlignment = l.minStorageBufferOffsetAlignment = 16;
+  l.minTexelOffset = -8;
+  l.maxTexelOffset = 7;
+  l.minTexelGatherOffset = 0;
+  l.maxTexelGatherOffset = 0;
+  l.minInterpolationOffset = 0;
+  l.maxInterpolationOffset = 0;
+  l.subPixelInterpolationOffsetBits = 0;
+  l.maxFramebufferWidth = l.maxFramebufferHeight = 16384;
+  l.maxFramebufferLayers = 2048;
+  l.framebufferColorSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_R8G8B8A8_UNORM));
+  l.framebufferDepthSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_D32_SFLOAT));
+  l.framebufferStencilSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_S8_UINT));
+  l.framebufferNoAttachmentsSampleCounts = l.framebufferColorSampleCounts;
+  l.maxColorAttachments = pipeline::kMaxColorAttachments;
+  l.sampledImageColorSampleCounts = l.framebufferColorSampleCounts;
+  l.sampledImageIntegerSampleCounts = VK_SAMPLE_COUNT_1_BIT;
+  l.sampledImageDepthSampleCounts = l.framebufferDepthSampleCounts;
+  l.sampledImageStencilSampleCounts = l.framebufferStencilSampleCounts;
+  l.storageImageSampleCounts = VK_SAMPLE_COUNT_1_BIT;
+  l.maxSampleMaskWords = 1;
+  l.timestampComputeAndGraphics = VK_TRUE;
+  l.timestampPeriod = 1;
+  l.maxClipDistances = l.maxCullDistances = l.maxCombinedClipAndCullDistances = 0;
+  l.discreteQueuePriorities = 2;
+  l.pointSizeRange[0] = l.pointSizeRange[1] = 1;
+  l.lineWidthRange[0] = l.lineWidthRange[1] = 1;
+  l.strictLines = VK_FALSE;
+  l.standardSampleLocations = VK_TRUE;
+  l.optimalBufferCopyOffsetAlignment = l.optimalBufferCopyRowPitchAlignment = 64;
+  l.nonCoherentAtomSize = 64;
+  return l;
+}
+
+void driverUuid(uint8_t out[VK_UUID_SIZE]) {
+  std::memset(out, 0, VK_UUID_SIZE);
+  std::memcpy(out, "pumice-" PUMICE_VERSION, std::min<size_t>(VK_UUID_SIZE, sizeof("pumice-" PUMICE_VERSION) - 1));
+}
+
+// Fills the structures of a properties chain that the device knows; others stay untouched.
+void fillPropertiesChain(const PhysicalDevice& device, void* chain) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (s->sType) {
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES: {
+        auto& p = *reinterpret_cast<VkPhysicalDeviceDriverProperties*>(s);
+        p.driverID = VkDriverId(0);
+        std::snprintf(p.driverName, sizeof p.driverName, "Pumice");
+        std::snprintf(p.driverInfo, sizeof p.driverInfo, "Pumice " PUMICE_VERSION);
+        p.conformanceVersion = {};
+        break;
+      }
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES: {
+        auto& p = *reinterpret_cast<VkPhysicalDeviceIDProperties*>(s);
+        driverUuid(p.deviceUUID);
+        driverUuid(p.driverUUID);
+        p.deviceLUIDValid = VK_FALSE;
+        p.deviceNodeMask = 0;
+        break;
+      }
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES: {
+        auto& p = *reinterpret_cast<VkPhysicalDeviceMaintenance3Properties*>(s);
+        p.maxPerSetDescriptors = 1 << 20;
+        p.maxMemoryAllocationSize = device.memory.memoryHeaps[0].size;
+        break;
+      }
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_POINT_CLIPPING_PROPERTIES:
+        reinterpret_cast<VkPhysicalDevicePointClippingProperties*>(s)->pointClippingBehavior = VK_POINT_CLIPPING_BEHAVIOR_ALL_CLIP_PLANES;
+        break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TIMELINE_SEMAPHORE_PROPERTIES:
+        reinterpret_cast<VkPhysicalDeviceTimelineSemaphoreProperties*>(s)->maxTimelineSemaphoreValueDifference = ~0ull;
+        break;
+      default: break;
+    }
+}
+
+void fillFeaturesChain(void* chain) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (s->sType) {
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_IMAGELESS_FRAMEBUFFER_FEATURES:
+        reinterpret_cast<VkPhysicalDeviceImagelessFramebufferFeatures*>(s)->imagelessFramebuffer = VK_TRUE;
+        break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TIMELINE_SEMAPHORE_FEATURES:
+        reinterpret_cast<VkPhysicalDeviceTimelineSemaphoreFeatures*>(s)->timelineSemaphore = VK_TRUE;
+        break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_HOST_QUERY_RESET_FEATURES:
+        reinterpret_cast<VkPhysicalDeviceHostQueryResetFeatures*>(s)->hostQueryReset = VK_TRUE;
+        break;
+      default: break;
+    }
+}
+
+VkQueueFamilyProperties queueFamily() {
+  VkQueueFamilyProperties p{};
+  p.queueFlags = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT | VK_QUEUE_TRANSFER_BIT;
+  p.queueCount = 1;
+  p.timestampValidBits = 64;
+  p.minImageTransferGranularity = {1, 1, 1};
+  return p;
+}
+
+}  // namespace
+
+VkPhysicalDeviceFeatures supportedFeatures() {
+  VkPhysicalDeviceFeatures f{};
+#define PUMICE_FEATURE(member, supported) f.member = supported;
+#include "icd/features.inc"
+#undef PUMICE_FEATURE
+  return f;
+}
+
+void initPhysicalDevice(PhysicalDevice& device) {
+  // Half a page of slack aside, everything the process may use is the heap.
+  uint64_t heap = base::usableMemoryBytes() & ~uint64_t(0xfffff);
+  device.features = supportedFeatures();
+
+  VkPhysicalDeviceProperties& p = device.properties;
+  p.apiVersion = kApiVersion;
+  p.driverVersion = VK_MAKE_VERSION(PUMICE_VERSION_MAJOR, PUMICE_VERSION_MINOR, PUMICE_VERSION_PATCH);
+  p.vendorID = VK_VENDOR_ID_KHRONOS;   // no identifier of our own is registered
+  p.deviceID = 1;
+  p.deviceType = VK_PHYSICAL_DEVICE_TYPE_CPU;
+  std::snprintf(p.deviceName, sizeof p.deviceName, "Pumice (%s, %u threads)", interp::interpreterTarget(), base::usableCpus());
+  driverUuid(p.pipelineCacheUUID);
+  p.limits = deviceLimits(heap);
+
+  VkPhysicalDeviceMemoryProperties& m = device.memory;
+  m.memoryTypeCount = 1;
+  m.memoryTypes[0].propertyFlags = VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT | VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT |
+                                   VK_MEMORY_PROPERTY_HOST_COHERENT_BIT | VK_MEMORY_PROPERTY_HOST_CACHED_BIT;
+  m.memoryTypes[0].heapIndex = 0;
+  m.memoryHeapCount = 1;
+  m.memoryHeaps[0] = {heap, VK_MEMORY_HEAP_DEVICE_LOCAL_BIT};
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceProperties(VkPhysicalDevice handle, VkPhysicalDeviceProperties* out) {
+  *out = from(handle)->properties;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceProperties2(VkPhysicalDevice handle, VkPhysicalDeviceProperties2* out) {
+  out->properties = from(handle)->properties;
+  fillPropertiesChain(*from(handle), out->pNext);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures* out) {
+  *out = from(handle)->features;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceFeatures2(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2* out) {
+  out->features = from(handle)->features;
+  fillFeaturesChain(out->pNext);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceQueueFamilyProperties(VkPhysicalDevice, uint32_t* count, VkQueueFamilyProperties* out) {
+  enumerate(1, count, out, [](uint32_t, VkQueueFamilyProperties& p) { p = queueFamily(); });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceQueueFamilyProperties2(VkPhysicalDevice, uint32_t* count, VkQueueFamilyProperties2* out) {
+  enumerate(1, count, out, [](uint32_t, VkQueueFamilyProperties2& p) { p.queueFamilyProperties = queueFamily(); });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties* out) {
+  *out = from(handle)->memory;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceMemoryProperties2(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties2* out) {
+  out->memoryProperties = from(handle)->memory;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceExternalBufferProperties(VkPhysicalDevice, const VkPhysicalDeviceExternalBufferInfo*, VkExternalBufferProperties* out) {
+  out->externalMemoryProperties = {};
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceExternalFenceProperties(VkPhysicalDevice, const VkPhysicalDeviceExternalFenceInfo*, VkExternalFenceProperties* out) {
+  out->exportFromImportedHandleTypes = out->compatibleHandleTypes = 0;
+  out->externalFenceFeatures = 0;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceExternalSemaphoreProperties(VkPhysicalDevice, const VkPhysicalDeviceExternalSemaphoreInfo*, VkExternalSemaphoreProperties* out) {
+  out->exportFromImportedHandleTypes = out->compatibleHandleTypes = 0;
+  out->externalSemaphoreFeatures = 0;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceToolProperties(VkPhysicalDevice, uint32_t* count, VkPhysicalDeviceToolProperties*) {
+  *count = 0;
+  return VK_SUCCESS;
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,258 @@
+#include "icd/pipelines.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "base/log.h"
+#include "entrypoints.h"
+#include "icd/descriptors.h"
+#include "icd/render_pass.h"
+
+namespace pumice::icd {
+namespace {
+
+using ShaderResult = base::Result<std::shared_ptr<const frontend::Shader>>;
+
+base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineShaderStageCreateInfo& stage) {
+  if (ShaderModule* m = from(stage.module)) {
+    std::lock_guard lock(m->mutex);
+    if (!m->module) {
+      auto parsed = frontend::parseModule(m->words);
+      if (!parsed) return parsed;
+      m->module = *parsed;
+    }
+    return m->module;
+  }
+  auto* inlined = findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+  if (!inlined) return base::Error{"a stage has no shader module"};
+  return frontend::parseModule({inlined->pCode, inlined->codeSize / 4});
+}
+
+frontend::Stage stageOf(VkShaderStageFlagBits s) {
+  switch (s) {
+    case VK_SHADER_STAGE_VERTEX_BIT: return frontend::Stage::Vertex;
+    case VK_SHADER_STAGE_TESSELLATION_CONTROL_BIT: return frontend::Stage::TessControl;
+    case VK_SHADER_STAGE_TESSELLATION_EVALUATION_BIT: return frontend::Stage::TessEval;
+    case VK_SHADER_STAGE_GEOMETRY_BIT: return frontend::Stage::Geometry;
+    case VK_SHADER_STAGE_FRAGMENT_BIT: return frontend::Stage::Fragment;
+    default: return frontend::Stage::Compute;
+  }
+}
+
+ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage) {
+  auto module = moduleOf(stage);
+  if (!module) return std::move(module).error();
+  std::vector<frontend::SpecializationConstant> constants;
+  if (const VkSpecializationInfo* info = stage.pSpecializationInfo)
+    for (uint32_t i = 0; i < info->mapEntryCount; i++) {
+      const VkSpecializationMapEntry& e = info->pMapEntries[i];
+      if (e.offset > info->dataSize || e.size > info->dataSize - e.offset) continue;
+      auto* data = static_cast<const std::byte*>(info->pData) + e.offset;
+      constants.push_back({e.constantID, {data, data + e.size}});
+    }
+  return frontend::translate(**module, stageOf(stage.stage), stage.pName, constants);
+}
+
+// Everything of the create-info that is not ignored for this pipeline (spec, VkGraphicsPipelineCreateInfo).
+pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info) {
+  pipeline::GraphicsState s;
+  if (info.pDynamicState)
+    for (uint32_t i = 0; i < info.pDynamicState->dynamicStateCount; i++)
+      if (info.pDynamicState->pDynamicStates[i] < 32) s.dynamic |= 1u << info.pDynamicState->pDynamicStates[i];
+  if (auto* v = info.pVertexInputState) {
+    s.vertexBindings.assign(v->pVertexBindingDescriptions, v->pVertexBindingDescriptions + v->vertexBindingDescriptionCount);
+    s.vertexAttributes.assign(v->pVertexAttributeDescriptions, v->pVertexAttributeDescriptions + v->vertexAttributeDescriptionCount);
+  }
+  if (auto* a = info.pInputAssemblyState) {
+    s.topology = a->topology;
+    s.primitiveRestart = a->primitiveRestartEnable;
+  }
+  if (auto* r = info.pRasterizationState) {
+    s.rasterizerDiscard = r->rasterizerDiscardEnable;
+    s.depthClamp = r->depthClampEnable;
+    s.polygonMode = r->polygonMode;
+    s.cullMode = r->cullMode;
+    s.frontFace = r->frontFace;
+    s.depthBias = r->depthBiasEnable;
+    s.depthBiasConstant = r->depthBiasConstantFactor;
+    s.depthBiasClamp = r->depthBiasClamp;
+    s.depthBiasSlope = r->depthBiasSlopeFactor;
+    s.lineWidth = r->lineWidth;
+  }
+  if (s.rasterizerDiscard) return s;
+  if (auto* v = info.pViewportState) {
+    if (v->pViewports && v->viewportCount) s.viewport = v->pViewports[0];
+    if (v->pScissors && v->scissorCount) s.scissor = v->pScissors[0];
+  }
+  if (auto* m = info.pMultisampleState) {
+    s.samples = m->rasterizationSamples;
+    if (m->pSampleMask) s.sampleMask = m->pSampleMask[0];
+    s.sampleShading = m->sampleShadingEnable;
+    s.minSampleShading = m->minSampleShading;
+    s.alphaToCoverage = m->alphaToCoverageEnable;
+    s.alphaToOne = m->alphaToOneEnable;
+  }
+  const Subpass* subpass = nullptr;
+  if (const RenderPass* pass = from(info.renderPass)) {
+    subpass = &pass->subpasses[info.subpass];
+    auto format = [&](uint32_t a) { return a < pass->attachments.size() ? pass->attachments[a].format : VK_FORMAT_UNDEFINED; };
+    s.colorCount = uint32_t(std::min<size_t>(subpass->colors.size(), pipeline::kMaxColorAttachments));
+    for (uint32_t i = 0; i < s.colorCount; i++) s.colorFormats[i] = format(subpass->colors[i]);
+    s.depthStencilFormat = format(subpass->depthStencil);
+  }
+  if (auto* d = info.pDepthStencilState; d && s.depthStencilFormat != VK_FORMAT_UNDEFINED) {
+    s.depthTest = d->depthTestEnable;
+    s.depthWrite = d->depthTestEnable && d->depthWriteEnable;
+    s.depthCompare = d->depthCompareOp;
+    s.depthBoundsTest = d->depthBoundsTestEnable;
+    s.stencilTest = d->stencilTestEnable;
+    s.stencilFront = d->front;
+    s.stencilBack = d->back;
+    s.minDepthBounds = d->minDepthBounds;
+    s.maxDepthBounds = d->maxDepthBounds;
+  }
+  if (auto* c = info.pColorBlendState; c && s.colorCount) {
+    s.logicOpEnable = c->logicOpEnable;
+    s.logicOp = c->logicOp;
+    s.blend.assign(c->pAttachments, c->pAttachments + c->attachmentCount);
+    std::copy_n(c->blendConstants, 4, s.blendConstants);
+  }
+  return s;
+}
+
+base::Result<std::shared_ptr<pipeline::GraphicsPipeline>> makeGraphics(const VkGraphicsPipelineCreateInfo& info) {
+  pipeline::GraphicsState state = graphicsStateOf(info);
+  std::shared_ptr<const frontend::Shader> vertex, fragment;
+  for (uint32_t i = 0; i < info.stageCount; i++) {
+    const auto& stage = info.pStages[i];
+    if (stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT && state.rasterizerDiscard) continue;
+    auto* slot = stage.stage == VK_SHADER_STAGE_VERTEX_BIT ? &vertex : stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT ? &fragment : nullptr;
+    if (!slot) return base::Error{"tessellation and geometry stages are not supported"};
+    auto shader = translateStage(stage);
+    if (!shader) return std::move(shader).error();
+    *slot = *shader;
+  }
+  if (!vertex) return base::Error{"a graphics pipeline needs a vertex shader"};
+  return pipeline::createGraphicsPipeline(std::move(state), from(info.layout)->layout, std::move(vertex), std::move(fragment));
+}
+
+base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkComputePipelineCreateInfo& info) {
+  auto shader = translateStage(info.stage);
+  if (!shader) return std::move(shader).error();
+  return pipeline::createComputePipeline(from(info.layout)->layout, *shader);
+}
+
+template <typename Info, typename Make>
+VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, const VkAllocationCallbacks* callbacks, VkPipeline* out, const char* what, Make&& make) {
+  VkResult result = VK_SUCCESS;
+  bool stop = false;
+  for (uint32_t i = 0; i < count; i++) {
+    out[i] = VK_NULL_HANDLE;
+    if (stop) continue;
+    VkResult one = VK_SUCCESS;
+    auto* object = from(handle)->make<Pipeline>(callbacks);
+    if (!object) {
+      one = VK_ERROR_OUT_OF_HOST_MEMORY;
+    } else {
+      try {
+        auto made = make(infos[i], *object);
+        if (!made) {
+          base::logError("%s: %s", what, made.error().message.c_str());
+          // The spec has no better word for a shader that cannot be translated.
+          one = VK_ERROR_UNKNOWN;
+        }
+      } catch (const std::bad_alloc&) {
+        one = VK_ERROR_OUT_OF_HOST_MEMORY;
+      }
+      if (one == VK_SUCCESS)
+        out[i] = to<VkPipeline>(object);
+      else
+        from(handle)->destroy(callbacks, object);
+    }
+    if (one != VK_SUCCESS) {
+      result = one;
+      stop = infos[i].flags & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT;
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateShaderModule(VkDevice device, const VkShaderModuleCreateInfo* info, const VkAllocationCallbacks* callbacks, VkShaderModule* out) {
+  auto* module = from(device)->make<ShaderModule>(callbacks);
+  if (!module) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  try {
+    module->words.assign(info->pCode, info->pCode + info->codeSize / 4);
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, module);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkShaderModule>(module);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyShaderModule(VkDevice device, VkShaderModule module, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(module)); }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreatePipelineCache(VkDevice handle, const VkPipelineCacheCreateInfo*, const VkAllocationCallbacks* callbacks, VkPipelineCache* out) {
+  auto* cache = from(handle)->make<PipelineCache>(callbacks);
+  if (!cache) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  const auto& p = from(handle)->physical.properties;
+  VkPipelineCacheHeaderVersionOne header{sizeof header, VK_PIPELINE_CACHE_HEADER_VERSION_ONE, p.vendorID, p.deviceID, {}};
+  std::memcpy(header.pipelineCacheUUID, p.pipelineCacheUUID, VK_UUID_SIZE);
+  try {
+    cache->data.resize(sizeof header);
+  } catch (const std::bad_alloc&) {
+    from(handle)->destroy(callbacks, cache);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  std::memcpy(cache->data.data(), &header, sizeof header);
+  *out = to<VkPipelineCache>(cache);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyPipelineCache(VkDevice device, VkPipelineCache cache, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(cache)); }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPipelineCacheData(VkDevice, VkPipelineCache handle, size_t* size, void* out) {
+  const auto& data = from(handle)->data;
+  if (!out) {
+    *size = data.size();
+    return VK_SUCCESS;
+  }
+  // A header that does not fit is not written in part.
+  if (*size < data.size()) {
+    *size = 0;
+    return VK_INCOMPLETE;
+  }
+  *size = data.size();
+  std::memcpy(out, data.data(), data.size());
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkMergePipelineCaches(VkDevice, VkPipelineCache, uint32_t, const VkPipelineCache*) { return VK_SUCCESS; }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateGraphicsPipelines(VkDevice device, VkPipelineCache, uint32_t count, const VkGraphicsPipelineCreateInfo* infos,
+                                                         const VkAllocationCallbacks* callbacks, VkPipeline* out) {
+  return createPipelines(device, count, infos, callbacks, out, "vkCreateGraphicsPipelines", [](const VkGraphicsPipelineCreateInfo& info, Pipeline& p) -> base::Status {
+    auto made = makeGraphics(info);
+    if (!made) return std::move(made).error();
+    p.bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
+    p.graphics = *made;
+    return {};
+  });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateComputePipelines(VkDevice device, VkPipelineCache, uint32_t count, const VkComputePipelineCreateInfo* infos,
+                                                        const VkAllocationCallbacks* callbacks, VkPipeline* out) {
+  return createPipelines(device, count, infos, callbacks, out, "vkCreateComputePipelines", [](const VkComputePipelineCreateInfo& info, Pipeline& p) -> base::Status {
+    auto made = makeCompute(info);
+    if (!made) return std::move(made).error();
+    p.bindPoint = VK_PIPELINE_BIND_POINT_COMPUTE;
+    p.compute = *made;
+    return {};
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyPipeline(VkDevice device, VkPipeline pipeline, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(pipeline)); }
+
+}  // namespace pumice::icd

@@ -1,0 +1,33 @@
+// Shader modules, pipeline caches, pipelines.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "icd/device.h"
+#include "pipeline/pipeline.h"
+
+namespace pumice::icd {
+
+struct ShaderModule {
+  std::vector<uint32_t> words;
+  std::mutex mutex;
+  std::shared_ptr<const frontend::Module> module;   //!< parsed and validated on first use
+};
+
+struct PipelineCache {
+  std::vector<std::byte> data;   //!< the standard header alone: nothing is cached yet
+};
+
+struct Pipeline {
+  VkPipelineBindPoint bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
+  std::shared_ptr<pipeline::GraphicsPipeline> graphics;
+  std::shared_ptr<pipeline::ComputePipeline> compute;
+};
+
+PUMICE_HANDLE(ShaderModule, VkShaderModule)
+PUMICE_HANDLE(PipelineCache, VkPipelineCache)
+PUMICE_HANDLE(Pipeline, VkPipeline)
+
+}  // namespace pumice::icd

@@ -1,0 +1,157 @@
+#include "icd/queue.h"
+
+#include "base/fpenv.h"
+#include "base/log.h"
+#include "entrypoints.h"
+
+namespace pumice::icd {
+
+QueueWorker::~QueueWorker() {
+  {
+    std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+}
+
+bool QueueWorker::ready(const Submission& s) const {
+  for (const SemaphoreValue& w : s.waits)
+    if (w.semaphore->value < w.value) return false;
+  return true;
+}
+
+// With the hub's lock held.
+void QueueWorker::finish(const Submission& s) {
+  for (const SemaphoreValue& v : s.signals) v.semaphore->value = v.value;
+  if (s.fence) s.fence->signaled = true;
+}
+
+void QueueWorker::run(Submission& s) {
+  // A binary semaphore is unsignalled by the wait.
+  hub_.wait(~0ull, [&] { return ready(s); });
+  hub_.update([&] {
+    for (const SemaphoreValue& w : s.waits)
+      if (!w.semaphore->timeline) w.semaphore->value = 0;
+  });
+  if (!s.commandBuffers.empty()) {
+    if (!execution_) execution_ = std::make_unique<Execution>(device_, hub_);
+    for (CommandBuffer* buffer : s.commandBuffers) buffer->execute(*execution_);
+  }
+  if (s.work) s.work();
+  hub_.update([&] { finish(s); });
+}
+
+bool QueueWorker::submit(Submission&& submission) {
+  std::unique_lock lock(mutex_);
+  // Nothing before it and nothing in it: done on the spot.
+  if (submission.empty() && pending_.empty() && !busy_ && submission.waits.empty()) {
+    hub_.update([&] { finish(submission); });
+    return true;
+  }
+  if (!thread_.running()) {
+    auto thread = base::Thread::start("pumice-queue", [this] { main(); });
+    if (!thread) {
+      base::logError("the queue's thread cannot be started: %s", thread.error().message.c_str());
+      return false;
+    }
+    thread_ = std::move(*thread);
+  }
+  pending_.push_back(std::move(submission));
+  lock.unlock();
+  wake_.notify_one();
+  return true;
+}
+
+void QueueWorker::main() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    wake_.wait(lock, [&] { return stop_ || !pending_.empty(); });
+    if (pending_.empty()) return;
+    Submission s = std::move(pending_.front());
+    pending_.pop_front();
+    busy_ = true;
+    lock.unlock();
+    try {
+      run(s);
+    } catch (const std::bad_alloc&) {
+      base::logError("out of host memory while executing commands");
+      hub_.update([&] { finish(s); });
+    }
+    lock.lock();
+    busy_ = false;
+    if (pending_.empty()) idle_.notify_all();
+  }
+}
+
+void QueueWorker::waitIdle() {
+  std::unique_lock lock(mutex_);
+  idle_.wait(lock, [&] { return pending_.empty() && !busy_; });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit(VkQueue handle, uint32_t count, const VkSubmitInfo* infos, VkFence fence) {
+  QueueWorker& worker = *from(handle)->worker;
+  try {
+    for (uint32_t i = 0; i < count; i++) {
+      const VkSubmitInfo& info = infos[i];
+      auto* values = findInChain<VkTimelineSemaphoreSubmitInfo>(info.pNext, VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO);
+      Submission s;
+      for (uint32_t k = 0; k < info.waitSemaphoreCount; k++) {
+        Semaphore* semaphore = from(info.pWaitSemaphores[k]);
+        s.waits.push_back({semaphore, semaphore->timeline && values && k < values->waitSemaphoreValueCount ? values->pWaitSemaphoreValues[k] : 1});
+      }
+      for (uint32_t k = 0; k < info.commandBufferCount; k++) s.commandBuffers.push_back(from(info.pCommandBuffers[k]));
+      for (uint32_t k = 0; k < info.signalSemaphoreCount; k++) {
+        Semaphore* semaphore = from(info.pSignalSemaphores[k]);
+        s.signals.push_back({semaphore, semaphore->timeline && values && k < values->signalSemaphoreValueCount ? values->pSignalSemaphoreValues[k] : 1});
+      }
+      if (i + 1 == count) s.fence = from(fence);
+      if (!worker.submit(std::move(s))) return VK_ERROR_OUT_OF_HOST_MEMORY;
+    }
+    if (!count && fence) {
+      Submission s;
+      s.fence = from(fence);
+      if (!worker.submit(std::move(s))) return VK_ERROR_OUT_OF_HOST_MEMORY;
+    }
+  } catch (const std::bad_alloc&) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit2(VkQueue handle, uint32_t count, const VkSubmitInfo2* infos, VkFence fence) {
+  QueueWorker& worker = *from(handle)->worker;
+  auto value = [](const VkSemaphoreSubmitInfo& i) { return SemaphoreValue{from(i.semaphore), from(i.semaphore)->timeline ? i.value : 1}; };
+  try {
+    for (uint32_t i = 0; i < count + (count == 0); i++) {
+      Submission s;
+      if (i < count) {
+        const VkSubmitInfo2& info = infos[i];
+        for (uint32_t k = 0; k < info.waitSemaphoreInfoCount; k++) s.waits.push_back(value(info.pWaitSemaphoreInfos[k]));
+        for (uint32_t k = 0; k < info.commandBufferInfoCount; k++) s.commandBuffers.push_back(from(info.pCommandBufferInfos[k].commandBuffer));
+        for (uint32_t k = 0; k < info.signalSemaphoreInfoCount; k++) s.signals.push_back(value(info.pSignalSemaphoreInfos[k]));
+      }
+      if (i + 1 >= count) s.fence = from(fence);
+      if (!worker.submit(std::move(s))) return VK_ERROR_OUT_OF_HOST_MEMORY;
+    }
+  } catch (const std::bad_alloc&) {
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkQueueWaitIdle(VkQueue queue) {
+  from(queue)->worker->waitIdle();
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkDeviceWaitIdle(VkDevice device) {
+  from(device)->queue.worker->waitIdle();
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkQueueBindSparse(VkQueue, uint32_t, const VkBindSparseInfo*, VkFence) {
+  return VK_ERROR_FEATURE_NOT_PRESENT;
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,135 @@
+#include "icd/render_pass.h"
+
+#include <algorithm>
+
+#include "entrypoints.h"
+
+namespace pumice::icd {
+namespace {
+
+template <typename Reference>
+std::vector<uint32_t> numbers(const Reference* references, uint32_t count) {
+  std::vector<uint32_t> out;
+  if (references)
+    for (uint32_t i = 0; i < count; i++) out.push_back(references[i].attachment);
+  return out;
+}
+
+// The two create-info structures have the same member names.
+template <typename Info>
+void fill(RenderPass& pass, const Info& info) {
+  for (uint32_t i = 0; i < info.attachmentCount; i++) {
+    const auto& a = info.pAttachments[i];
+    pass.attachments.push_back({a.format, uint32_t(a.samples), a.loadOp, a.stencilLoadOp, a.storeOp, a.stencilStoreOp});
+  }
+  pass.firstUse.assign(info.attachmentCount, ~0u);
+  for (uint32_t i = 0; i < info.subpassCount; i++) {
+    const auto& s = info.pSubpasses[i];
+    Subpass out;
+    out.colors = numbers(s.pColorAttachments, s.colorAttachmentCount);
+    out.resolves = numbers(s.pResolveAttachments, s.colorAttachmentCount);
+    out.inputs = numbers(s.pInputAttachments, s.inputAttachmentCount);
+    if (s.pDepthStencilAttachment) out.depthStencil = s.pDepthStencilAttachment->attachment;
+    if constexpr (requires { s.viewMask; }) out.viewMask = s.viewMask;
+    auto use = [&](uint32_t a) {
+      if (a < pass.firstUse.size()) pass.firstUse[a] = std::min(pass.firstUse[a], i);
+    };
+    for (auto* list : {&out.colors, &out.resolves, &out.inputs}) std::for_each(list->begin(), list->end(), use);
+    use(out.depthStencil);
+    pass.subpasses.push_back(std::move(out));
+  }
+}
+
+template <typename Info>
+VkResult create(VkDevice device, const Info* info, const VkAllocationCallbacks* callbacks, VkRenderPass* out) {
+  auto* pass = from(device)->make<RenderPass>(callbacks);
+  if (!pass) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  try {
+    fill(*pass, *info);
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, pass);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkRenderPass>(pass);
+  return VK_SUCCESS;
+}
+
+}  // namespace
+
+pipeline::Attachment attachmentOf(const ImageView& view) {
+  pipeline::Attachment a;
+  a.memory = view.image->memory();
+  a.format = view.format;
+  a.level = view.range.baseMipLevel;
+  a.baseLayer = view.range.baseArrayLayer;
+  a.layerCount = view.range.layerCount;
+  return a;
+}
+
+pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const Framebuffer& framebuffer, const std::vector<ImageView*>& views,
+                                 const VkRect2D& area, const std::vector<VkClearValue>& clears) {
+  const Subpass& subpass = pass.subpasses[number];
+  pipeline::PassBegin begin;
+  begin.renderArea = area;
+  begin.width = framebuffer.width;
+  begin.height = framebuffer.height;
+  begin.layers = framebuffer.layers;
+  auto attachment = [&](uint32_t index) {
+    pipeline::Attachment a;
+    if (index >= views.size() || !views[index]) return a;
+    a = attachmentOf(*views[index]);
+    const AttachmentInfo& info = pass.attachments[index];
+    if (pass.firstUse[index] == number) {
+      a.loadOp = info.loadOp;
+      a.stencilLoadOp = info.stencilLoadOp;
+    }
+    a.storeOp = info.storeOp;
+    a.stencilStoreOp = info.stencilStoreOp;
+    if (index < clears.size()) a.clear = clears[index];
+    return a;
+  };
+  begin.colorCount = uint32_t(std::min<size_t>(subpass.colors.size(), pipeline::kMaxColorAttachments));
+  for (uint32_t i = 0; i < begin.colorCount; i++) {
+    begin.color[i] = attachment(subpass.colors[i]);
+    if (i < subpass.resolves.size()) begin.resolve[i] = attachment(subpass.resolves[i]);
+  }
+  begin.depthStencil = attachment(subpass.depthStencil);
+  return begin;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateRenderPass(VkDevice device, const VkRenderPassCreateInfo* info, const VkAllocationCallbacks* callbacks, VkRenderPass* out) {
+  return create(device, info, callbacks, out);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateRenderPass2(VkDevice device, const VkRenderPassCreateInfo2* info, const VkAllocationCallbacks* callbacks, VkRenderPass* out) {
+  return create(device, info, callbacks, out);
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyRenderPass(VkDevice device, VkRenderPass pass, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(pass));
+}
+
+VKAPI_ATTR void VKAPI_CALL vkGetRenderAreaGranularity(VkDevice, VkRenderPass, VkExtent2D* out) { *out = {1, 1}; }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateFramebuffer(VkDevice device, const VkFramebufferCreateInfo* info, const VkAllocationCallbacks* callbacks, VkFramebuffer* out) {
+  auto* framebuffer = from(device)->make<Framebuffer>(callbacks);
+  if (!framebuffer) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  framebuffer->width = info->width;
+  framebuffer->height = info->height;
+  framebuffer->layers = info->layers;
+  try {
+    if (!(info->flags & VK_FRAMEBUFFER_CREATE_IMAGELESS_BIT))
+      for (uint32_t i = 0; i < info->attachmentCount; i++) framebuffer->views.push_back(from(info->pAttachments[i]));
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, framebuffer);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkFramebuffer>(framebuffer);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyFramebuffer(VkDevice device, VkFramebuffer framebuffer, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(framebuffer));
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,45 @@
+// Render passes and framebuffers. Both forms of vkCreateRenderPass become one list of plain values.
+#pragma once
+
+#include <vector>
+
+#include "icd/resources.h"
+#include "pipeline/execute.h"
+
+namespace pumice::icd {
+
+struct AttachmentInfo {
+  VkFormat format = VK_FORMAT_UNDEFINED;
+  uint32_t samples = 1;
+  VkAttachmentLoadOp loadOp, stencilLoadOp;
+  VkAttachmentStoreOp storeOp, stencilStoreOp;
+};
+
+struct Subpass {
+  std::vector<uint32_t> colors, resolves, inputs;   //!< VK_ATTACHMENT_UNUSED where absent; resolves is empty or as long as colors
+  uint32_t depthStencil = VK_ATTACHMENT_UNUSED;
+  uint32_t viewMask = 0;
+};
+
+struct RenderPass {
+  std::vector<AttachmentInfo> attachments;
+  std::vector<Subpass> subpasses;
+  //! First and last subpass that uses each attachment: load ops happen at the first.
+  std::vector<uint32_t> firstUse;
+};
+
+struct Framebuffer {
+  std::vector<ImageView*> views;    //!< empty when imageless
+  uint32_t width = 0, height = 0, layers = 1;
+};
+
+//! What one subpass needs of its attachments. `views` and `clears` by attachment number.
+pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t subpass, const Framebuffer& framebuffer,
+                                 const std::vector<ImageView*>& views, const VkRect2D& area, const std::vector<VkClearValue>& clears);
+//! An attachment made of a view (load and store, no clear).
+pipeline::Attachment attachmentOf(const ImageView& view);
+
+PUMICE_HANDLE(RenderPass, VkRenderPass)
+PUMICE_HANDLE(Framebuffer, VkFramebuffer)
+
+}  // namespace pumice::icd

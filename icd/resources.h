@@ -1,0 +1,63 @@
+// Memory and what is bound to it: buffers, images, their views; samplers.
+#pragma once
+
+#include "icd/device.h"
+#include "texture/descriptor.h"
+#include "texture/transfer.h"
+
+namespace pumice::icd {
+
+struct DeviceMemory {
+  std::byte* data = nullptr;
+  uint64_t size = 0;
+};
+
+struct Buffer {
+  uint64_t size = 0;
+  VkBufferUsageFlags usage = 0;
+  std::byte* data = nullptr;     //!< null until bound
+  //! Clamped part of the buffer; VK_WHOLE_SIZE reaches to its end.
+  texture::BufferMemory range(uint64_t offset, uint64_t length = VK_WHOLE_SIZE) const {
+    if (!data || offset >= size) return {};
+    uint64_t rest = size - offset;
+    return {data + offset, length < rest ? length : rest};
+  }
+};
+
+struct BufferView {
+  texture::BufferDescriptor descriptor;
+};
+
+struct Image {
+  texture::ImageLayout layout;
+  VkImageCreateFlags flags = 0;
+  VkImageUsageFlags usage = 0;
+  VkFormat format = VK_FORMAT_UNDEFINED;
+  std::byte* data = nullptr;     //!< null until bound
+  texture::ImageMemory memory() const { return {data ? &layout : nullptr, data}; }
+};
+
+struct ImageView {
+  Image* image = nullptr;
+  VkImageViewType viewType = VK_IMAGE_VIEW_TYPE_2D;
+  VkFormat format = VK_FORMAT_UNDEFINED;
+  VkImageSubresourceRange range{};           //!< VK_REMAINING_* resolved
+  texture::ImageDescriptor descriptor;       //!< as written into descriptor sets
+  texture::LevelLayout levels[texture::kMaxLevels];
+};
+
+struct Sampler {
+  texture::SamplerDescriptor descriptor;
+};
+
+PUMICE_HANDLE(DeviceMemory, VkDeviceMemory)
+PUMICE_HANDLE(Buffer, VkBuffer)
+PUMICE_HANDLE(BufferView, VkBufferView)
+PUMICE_HANDLE(Image, VkImage)
+PUMICE_HANDLE(ImageView, VkImageView)
+PUMICE_HANDLE(Sampler, VkSampler)
+
+//! Memory requirements of every buffer and image: one memory type.
+constexpr uint32_t kMemoryTypeBits = 1;
+
+}  // namespace pumice::icd

@@ -1,0 +1,150 @@
+#include "icd/sync.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "entrypoints.h"
+#include "icd/queue.h"
+
+namespace pumice::icd {
+namespace {
+
+SyncHub& hub(VkDevice device) { return from(device)->queue.worker->hub(); }
+
+}  // namespace
+
+bool writeQueryResult(const Query& query, VkQueryResultFlags flags, std::byte* out, uint64_t bytes) {
+  uint64_t words[2] = {query.value, query.available};
+  bool writeValue = query.available || (flags & VK_QUERY_RESULT_PARTIAL_BIT);
+  uint64_t width = flags & VK_QUERY_RESULT_64_BIT ? 8 : 4;
+  for (int i = 0; i < 2; i++) {
+    if (i == 0 && !writeValue) continue;
+    if (i == 1 && !(flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT)) continue;
+    // Results that do not fit 32 bits may wrap or saturate; saturation misleads less.
+    uint64_t word = width == 4 ? std::min<uint64_t>(words[i], 0xffffffffu) : words[i];
+    if ((i + 1) * width <= bytes) std::memcpy(out + i * width, &word, width);
+  }
+  return query.available;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateFence(VkDevice device, const VkFenceCreateInfo* info, const VkAllocationCallbacks* callbacks, VkFence* out) {
+  auto* fence = from(device)->make<Fence>(callbacks);
+  if (!fence) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  fence->signaled = info->flags & VK_FENCE_CREATE_SIGNALED_BIT;
+  *out = to<VkFence>(fence);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyFence(VkDevice device, VkFence fence, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(fence)); }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkResetFences(VkDevice device, uint32_t count, const VkFence* fences) {
+  hub(device).update([&] {
+    for (uint32_t i = 0; i < count; i++) from(fences[i])->signaled = false;
+  });
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetFenceStatus(VkDevice device, VkFence fence) {
+  return hub(device).read([&] { return from(fence)->signaled; }) ? VK_SUCCESS : VK_NOT_READY;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkWaitForFences(VkDevice device, uint32_t count, const VkFence* fences, VkBool32 all, uint64_t timeout) {
+  auto signaled = [](VkFence f) { return from(f)->signaled; };
+  auto ready = [&] { return all ? std::all_of(fences, fences + count, signaled) : std::any_of(fences, fences + count, signaled); };
+  return hub(device).wait(timeout, ready) ? VK_SUCCESS : VK_TIMEOUT;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateSemaphore(VkDevice device, const VkSemaphoreCreateInfo* info, const VkAllocationCallbacks* callbacks, VkSemaphore* out) {
+  auto* semaphore = from(device)->make<Semaphore>(callbacks);
+  if (!semaphore) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  if (auto* type = findInChain<VkSemaphoreTypeCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO)) {
+    semaphore->timeline = type->semaphoreType == VK_SEMAPHORE_TYPE_TIMELINE;
+    if (semaphore->timeline) semaphore->value = type->initialValue;
+  }
+  *out = to<VkSemaphore>(semaphore);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroySemaphore(VkDevice device, VkSemaphore s, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(s)); }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetSemaphoreCounterValue(VkDevice device, VkSemaphore s, uint64_t* value) {
+  *value = hub(device).read([&] { return from(s)->value; });
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkWaitSemaphores(VkDevice device, const VkSemaphoreWaitInfo* info, uint64_t timeout) {
+  bool any = info->flags & VK_SEMAPHORE_WAIT_ANY_BIT;
+  auto ready = [&] {
+    for (uint32_t i = 0; i < info->semaphoreCount; i++)
+      if ((from(info->pSemaphores[i])->value >= info->pValues[i]) == any) return any;
+    return !any;
+  };
+  return hub(device).wait(timeout, ready) ? VK_SUCCESS : VK_TIMEOUT;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkSignalSemaphore(VkDevice device, const VkSemaphoreSignalInfo* info) {
+  hub(device).update([&] { from(info->semaphore)->value = info->value; });
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateEvent(VkDevice device, const VkEventCreateInfo*, const VkAllocationCallbacks* callbacks, VkEvent* out) {
+  auto* event = from(device)->make<Event>(callbacks);
+  if (!event) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  *out = to<VkEvent>(event);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyEvent(VkDevice device, VkEvent e, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(e)); }
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetEventStatus(VkDevice device, VkEvent e) {
+  return hub(device).read([&] { return from(e)->set; }) ? VK_EVENT_SET : VK_EVENT_RESET;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkSetEvent(VkDevice device, VkEvent e) {
+  hub(device).update([&] { from(e)->set = true; });
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkResetEvent(VkDevice device, VkEvent e) {
+  hub(device).update([&] { from(e)->set = false; });
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateQueryPool(VkDevice device, const VkQueryPoolCreateInfo* info, const VkAllocationCallbacks* callbacks, VkQueryPool* out) {
+  if (info->queryType != VK_QUERY_TYPE_OCCLUSION && info->queryType != VK_QUERY_TYPE_TIMESTAMP) return VK_ERROR_FEATURE_NOT_PRESENT;
+  auto* pool = from(device)->make<QueryPool>(callbacks);
+  if (!pool) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  pool->type = info->queryType;
+  try {
+    pool->queries.resize(info->queryCount);
+  } catch (const std::bad_alloc&) {
+    from(device)->destroy(callbacks, pool);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  *out = to<VkQueryPool>(pool);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroyQueryPool(VkDevice device, VkQueryPool pool, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(pool)); }
+
+VKAPI_ATTR void VKAPI_CALL vkResetQueryPool(VkDevice device, VkQueryPool pool, uint32_t first, uint32_t count) {
+  hub(device).update([&] { std::fill_n(from(pool)->queries.begin() + first, count, Query{}); });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetQueryPoolResults(VkDevice device, VkQueryPool handle, uint32_t first, uint32_t count, size_t bytes, void* data,
+                                                     VkDeviceSize stride, VkQueryResultFlags flags) {
+  auto* out = static_cast<std::byte*>(data);
+  VkResult result = VK_SUCCESS;
+  for (uint32_t i = 0; i < count; i++) {
+    const Query& query = from(handle)->queries[first + i];
+    if (flags & VK_QUERY_RESULT_WAIT_BIT) hub(device).wait(~0ull, [&] { return query.available; });
+    uint64_t offset = i * stride;
+    hub(device).read([&] {
+      if (!writeQueryResult(query, flags, out + offset, offset < bytes ? bytes - offset : 0)) result = VK_NOT_READY;
+      return 0;
+    });
+  }
+  return result;
+}
+
+}  // namespace pumice::icd

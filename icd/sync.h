@@ -1,0 +1,86 @@
+// Fences, semaphores, events, query pools. Waiting is on one condition variable per device: nothing spins.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <vector>
+
+#include "icd/device.h"
+
+namespace pumice::icd {
+
+//! Guards the state of a device's synchronisation objects. Everybody who waits, waits here.
+class SyncHub {
+ public:
+  //! Changes state and wakes whoever waits for it.
+  template <typename Change>
+  void update(Change&& change) {
+    {
+      std::lock_guard lock(mutex_);
+      change();
+      if (!waiters_) return;
+    }
+    changed_.notify_all();
+  }
+  template <typename Read>
+  auto read(Read&& read) {
+    std::lock_guard lock(mutex_);
+    return read();
+  }
+  //! Waits until ready() (called with the lock held). Timeout in nanoseconds, ~0 = for ever. False on timeout.
+  template <typename Ready>
+  bool wait(uint64_t timeout, Ready&& ready) {
+    std::unique_lock lock(mutex_);
+    if (ready()) return true;
+    if (!timeout) return false;
+    waiters_++;
+    bool result = true;
+    // Beyond a century the clock would overflow.
+    if (timeout > uint64_t(100) * 365 * 86400 * 1'000'000'000)
+      changed_.wait(lock, ready);
+    else
+      result = changed_.wait_until(lock, std::chrono::steady_clock::now() + std::chrono::nanoseconds(timeout), ready);
+    waiters_--;
+    return result;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  uint32_t waiters_ = 0;
+};
+
+struct Fence {
+  bool signaled = false;
+};
+
+struct Semaphore {
+  bool timeline = false;
+  uint64_t value = 0;      //!< binary: 1 = signalled
+};
+
+struct Event {
+  bool set = false;
+};
+
+struct Query {
+  uint64_t value = 0;
+  bool available = false;
+};
+
+struct QueryPool {
+  VkQueryType type = VK_QUERY_TYPE_OCCLUSION;
+  std::vector<Query> queries;
+};
+
+PUMICE_HANDLE(Fence, VkFence)
+PUMICE_HANDLE(Semaphore, VkSemaphore)
+PUMICE_HANDLE(Event, VkEvent)
+PUMICE_HANDLE(QueryPool, VkQueryPool)
+
+//! Writes one query's result as vkGetQueryPoolResults and vkCmdCopyQueryPoolResults lay it out. False if it is not
+//! available and nothing but availability could be written.
+bool writeQueryResult(const Query& query, VkQueryResultFlags flags, std::byte* out, uint64_t bytes);
+
+}  // namespace pumice::icd
