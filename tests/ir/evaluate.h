@@ -1,0 +1,190 @@
+// A plain evaluator of lane IR for tests: one operation at a time through foldConstant, any number of lanes,
+// structured control flow with masks exactly as stated in ir.h. Slow and simple; it is what executors and
+// passes are compared against. Abstract and high-level operations are not evaluated (lower them first).
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "spirv_interp/ir/fold.h"
+#include "spirv_interp/ir/ir.h"
+
+namespace pumice::ir {
+
+using Row = std::vector<uint64_t>;  //!< bits of each lane
+
+struct Evaluation {
+  size_t lanes = 1;
+  std::vector<bool> active;                         //!< empty: all
+  std::map<uint32_t, Row> inputs;                   //!< by slot
+  std::map<uint32_t, Row> outputs;                  //!< by slot; what the routine wrote
+  std::map<uint32_t, std::vector<uint8_t>> tables;  //!< by Table
+  std::vector<uint8_t> shared;                      //!< work-group memory
+  uint64_t maxSteps = 10'000'000;                   //!< guard against loops that never end
+  std::string error;                                //!< first thing that could not be done
+};
+
+class Evaluator {
+ public:
+  Evaluator(const Function& f, Evaluation& e) : f_(f), e_(e) {}
+
+  void run() {
+    const size_t n = e_.lanes;
+    values_.assign(f_.insts.size(), Row(n, 0));
+    vars_.assign(f_.insts.size(), Row(n, 0));
+    mask_ = e_.active.empty() ? std::vector<bool>(n, true) : e_.active;
+    for (Value pc = 1; pc < f_.insts.size() && e_.error.empty();) {
+      if (e_.maxSteps-- == 0) e_.error = "too many steps";
+      pc = step(pc);
+    }
+  }
+  const Row& value(Value v) const { return values_[v]; }
+
+ private:
+  using Mask = std::vector<bool>;
+  struct Construct {
+    Op op;
+    Value start;
+    Mask other;    // If: lanes of the else side; Loop/Block: lanes that have left and wait at the end
+    Mask outside;  // If: lanes that finished the then side
+  };
+
+  static void unite(Mask& a, const Mask& b) {
+    for (size_t l = 0; l < a.size(); ++l) a[l] = a[l] || b[l];
+  }
+  static bool any(const Mask& m) {
+    for (bool x : m)
+      if (x) return true;
+    return false;
+  }
+
+  Value step(Value v) {
+    const Inst& i = f_.insts[v];
+    const auto o = f_.operands(i);
+    const size_t n = e_.lanes;
+    switch (i.op) {
+      case Op::If: {
+        Construct c{Op::If, v, Mask(n), Mask(n)};
+        for (size_t l = 0; l < n; ++l) {
+          const bool m = values_[o[0]][l] & 1;
+          c.other[l] = mask_[l] && !m;
+          mask_[l] = mask_[l] && m;
+        }
+        stack_.push_back(c);
+        return v + 1;
+      }
+      case Op::Else:
+        stack_.back().outside = mask_;
+        mask_ = stack_.back().other;
+        stack_.back().other = Mask(n);
+        return v + 1;
+      case Op::EndIf:
+        unite(mask_, stack_.back().other);
+        unite(mask_, stack_.back().outside);
+        stack_.pop_back();
+        return v + 1;
+      case Op::Loop:
+      case Op::Block: stack_.push_back({i.op, v, Mask(n), Mask(n)}); return v + 1;
+      case Op::EndLoop:
+        if (any(mask_)) return stack_.back().start + 1;
+        [[fallthrough]];
+      case Op::EndBlock:
+        unite(mask_, stack_.back().other);
+        stack_.pop_back();
+        return v + 1;
+      case Op::Break: {
+        uint64_t left = i.imm;
+        for (size_t k = stack_.size(); k-- > 0;) {
+          if (stack_[k].op == Op::If) continue;
+          if (left-- == 0) {
+            unite(stack_[k].other, mask_);
+            break;
+          }
+        }
+        mask_ = Mask(n);
+        return v + 1;
+      }
+      default: break;
+    }
+    for (size_t l = 0; l < n; ++l)
+      if (mask_[l]) lane(v, i, o, l);
+    return v + 1;
+  }
+
+  void lane(Value v, const Inst& i, std::span<const Value> o, size_t l) {
+    uint64_t args[8] = {};
+    for (size_t k = 0; k < o.size() && k < 8; ++k) args[k] = values_[o[k]][l];
+    uint64_t& r = values_[v][l];
+    const auto high = uint32_t(i.imm >> 32), low = uint32_t(i.imm);
+    const size_t quad = l & ~size_t(3);
+    switch (i.op) {
+      case Op::Const: r = i.imm; return;
+      case Op::Var: return;  // zero at the start of the routine, not of the region
+      case Op::VarGet: r = vars_[o[0]][l]; return;
+      case Op::VarSet: vars_[o[0]][l] = args[1]; return;
+      case Op::Input: r = e_.inputs[low].size() > l ? e_.inputs[low][l] : 0; return;
+      case Op::Output: {
+        Row& row = e_.outputs[low];
+        row.resize(e_.lanes);
+        row[l] = args[0];
+        return;
+      }
+      case Op::ExecMask: r = 1; return;
+      case Op::LaneId: r = l; return;
+      case Op::UniformInput: r = fromTable(kTableDraw, low, typeBytes(i.type)); return;
+      case Op::TableLoad: r = fromTable(high, uint64_t(low) + uint32_t(args[0]), typeBytes(i.type)); return;
+      case Op::Load:
+      case Op::LoadConst: {
+        const uint64_t at = args[1] + low, bytes = typeBytes(i.type);
+        r = 0;
+        if (at <= args[2] && bytes <= args[2] - at) std::memcpy(&r, reinterpret_cast<const void*>(args[0] + at), bytes);
+        return;
+      }
+      case Op::Store: {
+        const uint64_t at = args[1] + low, bytes = typeBytes(f_.type(o[3]));
+        if (at <= args[2] && bytes <= args[2] - at) std::memcpy(reinterpret_cast<void*>(args[0] + at), &args[3], bytes);
+        return;
+      }
+      case Op::QuadSwizzle: r = values_[o[0]][quad + (i.imm >> (l & 3) * 2 & 3)]; return;
+      case Op::QuadDdx:
+      case Op::QuadDdy: {
+        const bool x = i.op == Op::QuadDdx;
+        const size_t base = quad + (i.imm ? (x ? l & 2 : l & 1) : 0), next = base + (x ? 1 : 2);
+        const uint64_t d[] = {values_[o[0]][next], values_[o[0]][base]};
+        foldConstant(Op::FSub, i.type, i.type, d, r);
+        return;
+      }
+      case Op::SubgroupAny:
+      case Op::SubgroupAll: {
+        bool some = false, all = true;
+        for (size_t k = 0; k < e_.lanes; ++k)
+          if (mask_[k]) (values_[o[0]][k] & 1 ? some = true : all = false);
+        r = i.op == Op::SubgroupAny ? some : all;
+        return;
+      }
+      default:
+        if (!foldConstant(i.op, i.type, o.empty() ? Type::None : f_.type(o.back()), {args, o.size()}, r) && e_.error.empty())
+          e_.error = std::string("not evaluated: ") + opInfo(i.op).text;
+    }
+  }
+
+  uint64_t fromTable(uint32_t table, uint64_t at, size_t bytes) {
+    const std::vector<uint8_t>& t = e_.tables[table];
+    uint64_t r = 0;
+    if (at <= t.size() && bytes <= t.size() - at) std::memcpy(&r, t.data() + at, bytes);
+    return r;
+  }
+
+  const Function& f_;
+  Evaluation& e_;
+  std::vector<Row> values_, vars_;
+  Mask mask_;
+  std::vector<Construct> stack_;
+};
+
+inline void evaluate(const Function& f, Evaluation& e) { Evaluator(f, e).run(); }
+
+}  // namespace pumice::ir
