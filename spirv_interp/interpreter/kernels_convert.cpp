@@ -108,7 +108,7 @@ HWY_INLINE VI toSigned(VF x) {
   const DF df;
   const DI di;
   const auto high = hn::Ge(x, hn::Set(df, 0x1p31f)), low = hn::Lt(x, hn::Set(df, -0x1p31f));
-  const auto inside = hn::IfThenZeroElse(hn::Or(hn::Or(high, low), hn::Ne(x, x)), x);
+  const auto inside = hn::IfThenZeroElse(hn::Or(hn::Or(high, low), hn::Not(hn::Eq(x, x))), x);
   const VI r = hn::ConvertTo(di, inside);
   return hn::IfThenElse(hn::RebindMask(di, high), hn::Set(di, std::numeric_limits<int32_t>::max()),
                         hn::IfThenElse(hn::RebindMask(di, low), hn::Set(di, std::numeric_limits<int32_t>::min()), r));

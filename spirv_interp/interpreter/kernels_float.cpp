@@ -51,10 +51,10 @@ FORMULA2(FSub, hn::Sub(a, b))
 FORMULA2(FMul, hn::Mul(a, b))
 FORMULA2(FDiv, hn::Div(a, b))
 // The smaller; of equals (zeros) the union of the signs; of a NaN and a number the number.
-FORMULA2(FMin, hn::IfThenElse(hn::Ne(b, b), a, hn::IfThenElse(hn::Eq(a, b), hn::Or(a, b), hn::IfThenElse(hn::Lt(a, b), a, b))))
-FORMULA2(FMax, hn::IfThenElse(hn::Ne(b, b), a, hn::IfThenElse(hn::Eq(a, b), hn::And(a, b), hn::IfThenElse(hn::Lt(b, a), a, b))))
+FORMULA2(FMin, hn::IfThenElse(hn::Not(hn::Eq(b, b)), a, hn::IfThenElse(hn::Eq(a, b), hn::Or(a, b), hn::IfThenElse(hn::Lt(a, b), a, b))))
+FORMULA2(FMax, hn::IfThenElse(hn::Not(hn::Eq(b, b)), a, hn::IfThenElse(hn::Eq(a, b), hn::And(a, b), hn::IfThenElse(hn::Lt(b, a), a, b))))
 FORMULA2(FEq, hn::Eq(a, b))
-FORMULA2(FNe, hn::Ne(a, b))
+FORMULA2(FNe, hn::Not(hn::Eq(a, b)))
 FORMULA2(FLt, hn::Lt(a, b))
 FORMULA2(FLe, hn::Le(a, b))
 FORMULA1(FNeg, hn::Xor(a, hn::SignBit(d)))
@@ -80,7 +80,7 @@ FORMULA1(FCeil, hn::Ceil(a))
 FORMULA1(FTrunc, hn::Trunc(a))
 FORMULA1(FRoundEven, hn::Round(a))
 #endif
-FORMULA1(Canon, hn::IfThenElse(hn::Ne(a, a), hn::BitCast(d, hn::Set(hn::RebindToUnsigned<D>(), canonicalNan(hn::TFromD<D>()))), a))
+FORMULA1(Canon, hn::IfThenElse(hn::Not(hn::Eq(a, a)), hn::BitCast(d, hn::Set(hn::RebindToUnsigned<D>(), canonicalNan(hn::TFromD<D>()))), a))
 
 template <class F, class T>
 const Code* unary(RunState& s, const Code* c) {
