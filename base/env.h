@@ -15,7 +15,8 @@ namespace pumice::base {
   X(Threads, "PUMICE_THREADS", "1 to 1024", "what the process may use",                           \
     "number of threads that draw, the one that asks included")                                    \
   X(Isa, "PUMICE_ISA", "scalar, sse4, avx2, avx512", "the best of this processor",                \
-    "instruction set of the interpreter's kernels")
+    "instruction set of the interpreter's kernels")                                               \
+  X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did")
 
 enum class EnvVar : int {
 #define PUMICE_ENV_ID(id, name, values, fallback, description) id,

@@ -62,8 +62,9 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
   routine->code = std::move(code).value();
   routine->localSize = shader.localSize;
   routine->sharedBytes = shader.function.sharedBytes;
+  routine->groupsApart = routine->sharedBytes || shader.usesBarrier;
   for (const ir::Inst& i : shader.function.insts)
-    routine->usesSubgroups |= i.op == Op::SubgroupAny || i.op == Op::SubgroupAll || i.op == Op::QuadSwizzle || i.op == Op::LaneId;
+    routine->groupsApart |= i.op == Op::SubgroupAny || i.op == Op::SubgroupAll || i.op == Op::QuadSwizzle || i.op == Op::LaneId;
   return routine;
 }
 

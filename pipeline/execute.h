@@ -77,8 +77,8 @@ class PassExecutor {
   void endOcclusion();
   void end();
   const PassCounters& counters() const;   //!< of the last finished pass
+  struct Impl;   //!< pass_impl.h
  private:
-  struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 

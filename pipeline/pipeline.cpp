@@ -1,6 +1,7 @@
 // Creation of pipelines: what cannot work must fail here, not at a draw. Lookup of routines at draws.
 #include "pipeline/pipeline.h"
 
+#include "base/fpenv.h"
 #include "base/log.h"
 #include "pipeline/builders.h"
 
@@ -66,6 +67,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
                                                                        std::shared_ptr<const frontend::Shader> vertex,
                                                                        std::shared_ptr<const frontend::Shader> fragment) {
   if (!vertex) return base::errorf("there is no vertex stage");
+  const base::ScopedFpEnv environment;   // constants are folded as routines would compute them
   auto p = std::make_shared<GraphicsPipeline>();
   p->state = std::move(state);
   p->layout = std::move(layout);
@@ -106,6 +108,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
 
 base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader) {
   if (!shader) return base::errorf("there is no compute stage");
+  const base::ScopedFpEnv environment;
   auto p = std::make_shared<ComputePipeline>();
   p->layout = std::move(layout);
   p->shader = std::move(shader);

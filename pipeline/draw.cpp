@@ -1,0 +1,342 @@
+// The front end: from a draw command to bins. Work is cut into chunks of primitives, each with its own vertices; chunks
+// run in parallel and are binned in order, so the picture does not depend on the number of threads.
+#include <algorithm>
+#include <bit>
+
+#include "base/fpenv.h"
+#include "base/log.h"
+#include "pipeline/front.h"
+
+namespace pumice::pipeline {
+
+namespace {
+
+constexpr uint32_t kWaveChunks = 64;   //!< chunks between two looks at the memory budget
+
+//! Primitives of a run of `vertices` consecutive vertices.
+uint32_t primitiveCount(VkPrimitiveTopology t, uint32_t vertices) {
+  switch (t) {
+    case VK_PRIMITIVE_TOPOLOGY_POINT_LIST: return vertices;
+    case VK_PRIMITIVE_TOPOLOGY_LINE_LIST: return vertices / 2;
+    case VK_PRIMITIVE_TOPOLOGY_LINE_STRIP: return vertices < 2 ? 0 : vertices - 1;
+    case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST: return vertices / 3;
+    case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP:
+    case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN: return vertices < 3 ? 0 : vertices - 2;
+    default: return 0;
+  }
+}
+
+struct Run { uint32_t start, primitives, primitiveId; };       // between two restarts
+struct Segment { uint32_t instance, start, first, primitives, primitiveId; };   // of one run, in one chunk
+
+struct Chunk {
+  std::vector<Segment> segments;
+  std::span<const raster::Primitive> primitives;
+  bool outOfMemory = false;
+};
+
+//! The draw's index buffer. Reads outside give index 0 (robust buffer access).
+struct Indices {
+  const std::byte* base = nullptr;
+  uint64_t size = 0;
+  uint32_t bytes = 0;   // 0: not indexed
+  uint32_t first = 0;
+  int32_t vertexOffset = 0;
+
+  uint32_t raw(uint32_t position) const {
+    const uint64_t at = (uint64_t(first) + position) * bytes;
+    if (!base || at + bytes > size) return 0;
+    uint32_t v = 0;
+    std::memcpy(&v, base + at, bytes);
+    return v;
+  }
+  uint32_t restart() const { return bytes == 4 ? ~0u : (1u << (8 * bytes)) - 1; }
+};
+
+uint32_t indexBytes(VkIndexType t) {
+  return t == VK_INDEX_TYPE_UINT32 ? 4 : t == VK_INDEX_TYPE_UINT16 ? 2 : t == VK_INDEX_TYPE_UINT8_EXT ? 1 : 0;
+}
+
+std::vector<Run> findRuns(const GraphicsState& state, const Indices& indices, uint32_t count) {
+  std::vector<Run> runs;
+  uint32_t id = 0;
+  const auto add = [&](uint32_t start, uint32_t end) {
+    const uint32_t n = primitiveCount(state.topology, end - start);
+    if (n) runs.push_back({start, n, id});
+    id += n;
+  };
+  if (!indices.bytes || !state.primitiveRestart) {
+    add(0, count);
+    return runs;
+  }
+  uint32_t start = 0;
+  for (uint32_t i = 0; i < count; ++i)
+    if (indices.raw(i) == indices.restart()) {
+      add(start, i);
+      start = i + 1;
+    }
+  add(start, count);
+  return runs;
+}
+
+//! Hands out the draw's chunks in order.
+class ChunkSource {
+ public:
+  ChunkSource(const std::vector<Run>& runs, uint32_t instances) : runs_(runs), instances_(runs.empty() ? 0 : instances) {}
+  bool done() const { return instance_ >= instances_; }
+  Chunk next() {
+    Chunk c;
+    uint32_t room = kChunkPrimitives;
+    while (room && !done()) {
+      const Run& r = runs_[run_];
+      uint32_t n = std::min(room, r.primitives - taken_);
+      if (n < r.primitives - taken_) n &= ~1u;   // the rest of a strip must start with the first one's winding
+      if (!n) break;
+      c.segments.push_back({instance_, r.start, taken_, n, r.primitiveId + taken_});
+      room -= n;
+      taken_ += n;
+      if (taken_ < r.primitives) continue;
+      taken_ = 0;
+      if (++run_ < runs_.size()) continue;
+      run_ = 0;
+      ++instance_;
+    }
+    return c;
+  }
+
+ private:
+  const std::vector<Run>& runs_;
+  uint32_t instances_, instance_ = 0, taken_ = 0;
+  size_t run_ = 0;
+};
+
+//! Everything the chunks of one draw share.
+struct FrontDraw {
+  const VertexRoutine& vertex;
+  const interp::UniformBank& bank;
+  const interp::Tables& tables;
+  const raster::SetupState& setup;
+  const Indices& indices;
+  VkPrimitiveTopology topology;
+  uint32_t firstVertex, firstInstance;
+
+  //! Calls f(position) for the index positions of a segment's vertices.
+  template <typename F>
+  void positions(const Segment& s, F&& f) const {
+    uint32_t begin = s.start, count = 0;
+    switch (topology) {
+      case VK_PRIMITIVE_TOPOLOGY_POINT_LIST: begin += s.first, count = s.primitives; break;
+      case VK_PRIMITIVE_TOPOLOGY_LINE_LIST: begin += s.first * 2, count = s.primitives * 2; break;
+      case VK_PRIMITIVE_TOPOLOGY_LINE_STRIP: begin += s.first, count = s.primitives + 1; break;
+      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP: begin += s.first, count = s.primitives + 2; break;
+      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN:
+        f(s.start);
+        begin += s.first + 1, count = s.primitives + 1;
+        break;
+      default: begin += s.first * 3, count = s.primitives * 3;
+    }
+    for (uint32_t i = 0; i < count; ++i) f(begin + i);
+  }
+
+  void run(FrontWorker& w, Chunk& chunk) const;
+
+ private:
+  float* const* shade(FrontWorker& w) const;
+};
+
+//! Runs the vertex routine over the worker's list of vertices; null if memory is exhausted.
+float* const* FrontDraw::shade(FrontWorker& w) const {
+  const uint32_t count = uint32_t(w.vertexIndex.size());
+  const uint32_t padded = (count + interp::kMaxLanes - 1) / interp::kMaxLanes * interp::kMaxLanes;
+  w.vertexIndex.resize(padded);
+  w.vertexInstance.resize(padded);
+  float** rows = w.scratch.alloc<float*>(vertex.rowCount);
+  void** outputs = w.scratch.alloc<void*>(vertex.rowCount);
+  uint32_t* inputs[2] = {w.scratch.alloc<uint32_t>(interp::kMaxLanes, 64), w.scratch.alloc<uint32_t>(interp::kMaxLanes, 64)};
+  if (!rows || !outputs || !inputs[0] || !inputs[1]) return nullptr;
+  for (uint32_t r = 0; r < vertex.rowCount; ++r)
+    if (!(rows[r] = w.scratch.alloc<float>(padded, 64))) return nullptr;
+
+  interp::ExecContext context;
+  context.inputs = reinterpret_cast<const void* const*>(inputs);
+  context.outputs = outputs;
+  context.tables = tables;
+  for (uint32_t at = 0; at < count; at += interp::kMaxLanes) {
+    context.lanes = std::min(count - at, interp::kMaxLanes);
+    for (uint32_t i = 0; i < interp::kMaxLanes / 64; ++i) {
+      const uint32_t lanes = std::clamp<int64_t>(int64_t(context.lanes) - 64 * i, 0, 64);
+      context.active[i] = lanes == 64 ? ~uint64_t(0) : (uint64_t(1) << lanes) - 1;
+    }
+    std::memcpy(inputs[0], w.vertexIndex.data() + at, interp::kMaxLanes * 4);
+    std::memcpy(inputs[1], w.vertexInstance.data() + at, interp::kMaxLanes * 4);
+    for (uint32_t r = 0; r < vertex.rowCount; ++r) outputs[r] = rows[r] + at;
+    vertex.code->run(bank, context);
+  }
+  w.shaded += count;
+  return rows;
+}
+
+void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
+  w.scratch.reset();
+  w.slots.clear();
+  w.vertexIndex.clear();
+  w.vertexInstance.clear();
+  w.primitives.clear();
+  w.table.clear();
+  std::vector<uint32_t> ends;   // of the segments in slots
+  for (const Segment& s : chunk.segments) {
+    positions(s, [&](uint32_t position) {
+      const uint32_t next = uint32_t(w.vertexIndex.size());
+      if (indices.bytes) {
+        const uint32_t index = indices.raw(position);
+        bool fresh = false;
+        w.slots.push_back(w.table.find(s.instance, index, next, fresh));
+        if (!fresh) {
+          ++w.reused;
+          return;
+        }
+        w.vertexIndex.push_back(index + uint32_t(indices.vertexOffset));
+      } else {
+        w.slots.push_back(next);
+        w.vertexIndex.push_back(firstVertex + position);
+      }
+      w.vertexInstance.push_back(firstInstance + s.instance);
+    });
+    ends.push_back(uint32_t(w.slots.size()));
+  }
+  raster::VertexOutputs vertices;
+  vertices.vertexCount = uint32_t(w.vertexIndex.size());
+  vertices.rows = shade(w);
+  if (!vertices.rows) {
+    chunk.outOfMemory = true;
+    return;
+  }
+  vertices.rowCount = vertex.rowCount;
+  vertices.pointSizeRow = vertex.pointSizeRow;
+  uint32_t begin = 0;
+  for (size_t i = 0; i < chunk.segments.size(); ++i) {
+    const std::span<const uint32_t> slots{w.slots.data() + begin, ends[i] - begin};
+    raster::setupPrimitives(setup, vertices, slots, chunk.segments[i].primitiveId, w.arena, w.primitives, w.setup);
+    begin = ends[i];
+  }
+  chunk.primitives = w.arena.copy(std::span<const raster::Primitive>(w.primitives));
+  chunk.outOfMemory = chunk.primitives.size() != w.primitives.size();
+}
+
+}  // namespace
+
+//! A pipeline that does not match the attachments would write outside of them.
+bool PassExecutor::Impl::fits(const GraphicsState& state) const {
+  const auto matches = [&](const Attachment& a, VkFormat format) {
+    const texture::FormatInfo* f = texture::formatInfo(format);
+    const texture::FormatInfo* own = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
+    return f && own && f->elementBytes == own->elementBytes && f->isDepthStencil() == own->isDepthStencil() &&
+           f->hasStencil() == own->hasStencil() && a.memory.layout->tiled && a.memory.layout->samples == state.samples;
+  };
+  for (uint32_t a = 0; a < state.colorCount; ++a) {
+    if (state.colorFormats[a] == VK_FORMAT_UNDEFINED || !writesColor(state, a)) continue;
+    if (a >= pass.colorCount || !matches(pass.color[a], state.colorFormats[a])) {
+      base::logError("draw left out: colour attachment %u does not match the pipeline", a);
+      return false;
+    }
+  }
+  if (testsSamples(state) && !matches(pass.depthStencil, state.depthStencilFormat)) {
+    base::logError("draw left out: the depth/stencil attachment does not match the pipeline");
+    return false;
+  }
+  return true;
+}
+
+void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) {
+  if (!open || !state.pipeline || !params.count || !params.instanceCount) return;
+  GraphicsPipeline& pipeline = *state.pipeline;
+  const GraphicsState& fixed = pipeline.state;
+  ++counters.draws;
+  const base::ScopedFpEnv environment;
+  if (fixed.rasterizerDiscard && !pipeline.vertex->writesMemory) return;
+
+  auto vertex = vertexRoutine(pipeline, state);
+  if (!vertex) return;
+  auto record = std::make_unique<DrawRecord>();
+  if (!fixed.rasterizerDiscard) {
+    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr);
+    if (!record->fragment || !fits(fixed)) return;
+    if (!record->fragment->present && !pipeline.vertex->writesMemory) return;
+    record->bounds = intersect(intersect(state.scissor, pass.renderArea), {{0, 0}, {pass.width, pass.height}});
+    if (isEmpty(record->bounds) && !pipeline.vertex->writesMemory) return;
+  }
+  record->pipeline = state.pipeline;
+  record->occlusion = occlusion;
+  DrawConstants& c = record->constants;
+  fillConstants(state, c);
+  c.vertexOffset = params.indexed ? params.vertexOffset : int32_t(params.first);
+  c.firstVertex = params.first;
+  c.firstInstance = params.firstInstance;
+  c.drawIndex = params.drawIndex;
+  c.samples = fixed.samples;
+  for (const auto& b : fixed.vertexBindings) c.vertexStrides[b.binding] = b.stride;
+  std::memcpy(record->push, state.push, sizeof record->push);
+  fillTables(record->push, state.setMemory, state.setSize, c, record->tables);
+  if (record->fragment) record->bank = record->fragment->code->preamble(record->tables);
+
+  DrawRecord& kept = *record;
+  draws.push_back(std::move(record));
+  collected += sizeof(DrawRecord);
+  frontEnd(state, params, *vertex, kept);
+}
+
+void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record) {
+  const GraphicsState& fixed = record.pipeline->state;
+  Indices indices;
+  if (params.indexed) {
+    indices.base = reinterpret_cast<const std::byte*>(state.indexBase);
+    indices.size = state.indexSize;
+    indices.bytes = indexBytes(state.indexType);
+    indices.first = params.first;
+    indices.vertexOffset = params.vertexOffset;
+    if (!indices.bytes) return;
+  }
+  raster::SetupState setup;
+  setup.topology = fixed.topology;
+  setup.viewport = state.viewport;
+  setup.bounds = record.bounds;
+  setup.cullMode = fixed.cullMode;
+  setup.frontFace = fixed.frontFace;
+  setup.depthClampEnable = fixed.depthClamp;
+  setup.depthClipEnable = !fixed.depthClamp;
+  setup.depthBiasEnable = fixed.depthBias;
+  setup.depthBiasConstant = state.depthBiasConstant;
+  setup.depthBiasClamp = state.depthBiasClamp;
+  setup.depthBiasSlope = state.depthBiasSlope;
+  setup.depthFormat = fixed.depthStencilFormat;
+  setup.lineWidth = state.lineWidth;
+  setup.samples = fixed.samples;
+  if (record.fragment) setup.varyings = record.fragment->varyings;
+
+  const interp::UniformBank bank = vertex.code->preamble(record.tables);
+  const FrontDraw shared{vertex, bank, record.tables, setup, indices, fixed.topology, params.first, params.firstInstance};
+  const std::vector<Run> runs = findRuns(fixed, indices, params.count);
+  ChunkSource source(runs, params.instanceCount);
+  const uint64_t primitiveBytes = sizeof(raster::Primitive) + sizeof(raster::BinEntry) +
+                                  (2 + setup.varyings.size()) * sizeof(raster::Plane) + setup.varyings.size() * 4;
+  std::vector<Chunk> chunks;
+  while (!source.done()) {
+    chunks.clear();
+    while (chunks.size() < kWaveChunks && !source.done()) chunks.push_back(source.next());
+    pool.parallelFor(uint32_t(chunks.size()), [&](uint32_t i, unsigned worker) { shared.run(*front[worker], chunks[i]); });
+    if (fixed.rasterizerDiscard) {
+      forgetPrimitives();
+      continue;
+    }
+    const uint32_t number = uint32_t(draws.size() - 1);
+    for (const Chunk& chunk : chunks) {
+      if (chunk.outOfMemory) base::logError("primitives left out: memory is exhausted");
+      for (const raster::Primitive& p : chunk.primitives) bins->add(number, p);
+      counters.primitives += chunk.primitives.size();
+      collected += chunk.primitives.size() * primitiveBytes;
+    }
+    if (collected > kBinBudget) flush();
+  }
+}
+
+}  // namespace pumice::pipeline

@@ -1,0 +1,208 @@
+// A render pass: draws are collected (draw.cpp), then tiles are finished (tile.cpp).
+#include <algorithm>
+#include <cstdio>
+
+#include "base/env.h"
+#include "base/fpenv.h"
+#include "base/log.h"
+#include "pipeline/front.h"
+#include "pipeline/tile.h"
+
+namespace pumice::pipeline {
+
+VkRect2D intersect(const VkRect2D& a, const VkRect2D& b) {
+  const int64_t x0 = std::max<int64_t>(a.offset.x, b.offset.x), y0 = std::max<int64_t>(a.offset.y, b.offset.y);
+  const int64_t x1 = std::min(int64_t(a.offset.x) + a.extent.width, int64_t(b.offset.x) + b.extent.width);
+  const int64_t y1 = std::min(int64_t(a.offset.y) + a.extent.height, int64_t(b.offset.y) + b.extent.height);
+  if (x0 >= x1 || y0 >= y1) return {};
+  return {{int32_t(x0), int32_t(y0)}, {uint32_t(x1 - x0), uint32_t(y1 - y0)}};
+}
+
+void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
+                    const VkClearValue& value) {
+  const texture::FormatInfo* format = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
+  if (!format || !(format->aspects() & aspect) || baseLayer >= a.layerCount) return;
+  std::byte element[32];
+  texture::packClearValue(*format, aspect, value, element);
+  const bool slices = a.memory.layout->type == VK_IMAGE_TYPE_3D;   // a view's layers are the image's depth slices
+  for (uint32_t l = baseLayer; l < baseLayer + std::min(layerCount, a.layerCount - baseLayer); ++l)
+    texture::fillRect(a.memory, aspect, a.level, slices ? 0 : a.baseLayer + l, slices ? a.baseLayer + l : 0, rect, element);
+}
+
+namespace {
+
+AttachmentPlane planeOf(const Attachment& a, VkImageAspectFlags aspect) {
+  AttachmentPlane p;
+  const texture::ImageLayout* layout = a.memory.layout;
+  const texture::FormatInfo* format = layout ? texture::formatInfo(a.format) : nullptr;
+  if (!format || !(format->aspects() & aspect) || !layout->tiled || a.level >= texture::kMaxLevels) return p;
+  const texture::PlaneLayout& plane = layout->plane(aspect);
+  const texture::LevelLayout& level = plane.levels[a.level];
+  const bool slices = layout->type == VK_IMAGE_TYPE_3D;
+  p.base = a.memory.base + plane.offset + level.offset + (slices ? level.slicePitch : plane.layerPitch) * a.baseLayer;
+  p.samplePitch = plane.samplePitch;
+  p.rowElements = uint32_t(level.rowPitch / plane.elementBytes);
+  return p;
+}
+
+}  // namespace
+
+PassExecutor::Impl::Impl(base::ThreadPool& threads) : pool(threads), stats(base::envFlag(base::EnvVar::Stats, false)) {
+  for (unsigned i = 0; i < pool.workerCount(); ++i) {
+    front.push_back(std::make_unique<FrontWorker>());
+    tileWorkers.push_back(std::make_unique<TileWorker>(*this));
+  }
+}
+PassExecutor::Impl::~Impl() = default;
+
+void PassExecutor::Impl::begin(const PassBegin& given) {
+  pass = given;
+  pass.renderArea = intersect(pass.renderArea, {{0, 0}, {pass.width, pass.height}});
+  open = true;
+  loaded = false;
+  occlusion = nullptr;
+  counters = {};
+  samples = 1;
+  for (uint32_t a = 0; a < kMaxColorAttachments; ++a) {
+    if (a >= pass.colorCount) pass.color[a] = pass.resolve[a] = {};
+    colorPlanes[a] = planeOf(pass.color[a], VK_IMAGE_ASPECT_COLOR_BIT);
+    if (pass.color[a].memory.layout) samples = pass.color[a].memory.layout->samples;
+  }
+  depth = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_DEPTH_BIT);
+  stencil = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_STENCIL_BIT);
+  if (pass.depthStencil.memory.layout) samples = pass.depthStencil.memory.layout->samples;
+  const raster::TileGrid grid(pass.width, pass.height);
+  if (!bins || bins->grid().tilesX != grid.tilesX || bins->grid().tilesY != grid.tilesY) bins.emplace(grid);
+  draws.clear();
+  forgetPrimitives();
+}
+
+void PassExecutor::Impl::clear(const VkClearAttachment& attachment, const VkClearRect& rect) {
+  if (!open) return;
+  if ((attachment.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT) && attachment.colorAttachment >= pass.colorCount) return;
+  auto record = std::make_unique<DrawRecord>();
+  record->isClear = true;
+  record->clear = attachment;
+  record->rect = intersect(rect.rect, pass.renderArea);
+  record->baseLayer = rect.baseArrayLayer;
+  record->layerCount = rect.layerCount;
+  if (isEmpty(record->rect)) return;
+  // A primitive without edges that reaches every tile of the rectangle puts the clear in its place among the draws.
+  raster::Primitive* p = clearArena.alloc<raster::Primitive>();
+  if (!p) {
+    base::logError("clear left out: memory is exhausted");
+    return;
+  }
+  p->edgeCount = 0;
+  p->minX = record->rect.offset.x;
+  p->minY = record->rect.offset.y;
+  p->maxX = p->minX + int32_t(record->rect.extent.width) - 1;
+  p->maxY = p->minY + int32_t(record->rect.extent.height) - 1;
+  p->minZ = p->maxZ = 0;
+  draws.push_back(std::move(record));
+  bins->add(uint32_t(draws.size() - 1), *p);
+  collected += sizeof(DrawRecord);
+}
+
+void PassExecutor::Impl::forgetPrimitives() {
+  if (bins) bins->clear();
+  const auto empty = [](base::Arena& a) {
+    if (a.footprint() > kArenaKept) a.release();
+    else a.reset();
+  };
+  for (auto& w : front) empty(w->arena);
+  empty(clearArena);
+  collected = 0;
+}
+
+void PassExecutor::Impl::flush() {
+  bool clears = false;
+  if (!loaded) {
+    for (uint32_t a = 0; a < pass.colorCount; ++a)
+      clears |= pass.color[a].memory.layout && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
+    const Attachment& d = pass.depthStencil;
+    clears |= d.memory.layout && (d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR || d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR);
+  }
+  std::vector<uint32_t> work;
+  const raster::TileGrid grid = bins->grid();
+  const VkRect2D& area = pass.renderArea;
+  if (!isEmpty(area)) {
+    const uint32_t x0 = uint32_t(area.offset.x) / raster::kTileSize, x1 = (uint32_t(area.offset.x) + area.extent.width - 1) / raster::kTileSize;
+    const uint32_t y0 = uint32_t(area.offset.y) / raster::kTileSize, y1 = (uint32_t(area.offset.y) + area.extent.height - 1) / raster::kTileSize;
+    for (uint32_t y = y0; y <= y1 && y < grid.tilesY; ++y)
+      for (uint32_t x = x0; x <= x1 && x < grid.tilesX; ++x)
+        if (clears || !bins->tile(y * grid.tilesX + x).empty()) work.push_back(y * grid.tilesX + x);
+  }
+  if (!work.empty()) {
+    for (auto& w : tileWorkers) w->begin();
+    pool.parallelFor(uint32_t(work.size()), [&](uint32_t i, unsigned worker) { tileWorkers[worker]->tile(work[i]); });
+  }
+  counters.tilesTouched += work.size();
+  loaded = true;
+  if (draws.size() > 1) draws.erase(draws.begin(), draws.end() - 1);
+  forgetPrimitives();
+}
+
+void PassExecutor::Impl::resolve() {
+  for (uint32_t a = 0; a < pass.colorCount; ++a) {
+    const Attachment &src = pass.color[a], &dst = pass.resolve[a];
+    if (!src.memory.layout || !dst.memory.layout || isEmpty(pass.renderArea)) continue;
+    VkImageResolve r{};
+    r.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, src.level, src.baseLayer, pass.layers};
+    r.dstSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, dst.level, dst.baseLayer, pass.layers};
+    r.srcOffset = r.dstOffset = {pass.renderArea.offset.x, pass.renderArea.offset.y, 0};
+    r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
+    texture::resolveImage(pool, src.memory, dst.memory, r);
+  }
+}
+
+void PassExecutor::Impl::end() {
+  if (!open) return;
+  const base::ScopedFpEnv environment;
+  flush();
+  resolve();
+  open = false;
+  draws.clear();
+  for (auto& w : front) {
+    const raster::SetupCounters& s = w->setup;
+    counters.setup.input += s.input;
+    counters.setup.clippedAway += s.clippedAway;
+    counters.setup.culledFace += s.culledFace;
+    counters.setup.culledZeroArea += s.culledZeroArea;
+    counters.setup.culledOutside += s.culledOutside;
+    counters.setup.culledNoSample += s.culledNoSample;
+    counters.setup.output += s.output;
+    counters.verticesShaded += w->shaded;
+    counters.verticesReused += w->reused;
+    w->setup = {};
+    w->shaded = w->reused = 0;
+  }
+  for (auto& w : tileWorkers) {
+    counters.quads += w->quads;
+    counters.fragmentsShaded += w->fragments;
+    counters.samplesPassed += w->passed;
+    w->quads = w->fragments = w->passed = 0;
+  }
+  if (stats) {
+    const PassCounters& c = counters;
+    const auto n = [](uint64_t v) { return static_cast<unsigned long long>(v); };
+    std::fprintf(stderr,
+                 "pumice: stats: pass %ux%u: %llu draws, %llu vertices (%llu reused), %llu primitives of %llu (clipped %llu, facing away %llu, "
+                 "no area %llu, outside %llu, no sample %llu), %llu tiles, %llu quads, %llu fragments\n",
+                 pass.width, pass.height, n(c.draws), n(c.verticesShaded), n(c.verticesReused), n(c.primitives), n(c.setup.input),
+                 n(c.setup.clippedAway), n(c.setup.culledFace), n(c.setup.culledZeroArea), n(c.setup.culledOutside), n(c.setup.culledNoSample),
+                 n(c.tilesTouched), n(c.quads), n(c.fragmentsShaded));
+  }
+}
+
+PassExecutor::PassExecutor(base::ThreadPool& pool) : impl_(std::make_unique<Impl>(pool)) {}
+PassExecutor::~PassExecutor() = default;
+void PassExecutor::begin(const PassBegin& pass) { impl_->begin(pass); }
+void PassExecutor::draw(const DrawState& state, const DrawParams& params) { impl_->draw(state, params); }
+void PassExecutor::clear(const VkClearAttachment& attachment, const VkClearRect& rect) { impl_->clear(attachment, rect); }
+void PassExecutor::beginOcclusion(uint64_t* counter) { impl_->occlusion = counter; }
+void PassExecutor::endOcclusion() { impl_->occlusion = nullptr; }
+void PassExecutor::end() { impl_->end(); }
+const PassCounters& PassExecutor::counters() const { return impl_->counters; }
+
+}  // namespace pumice::pipeline

@@ -1,0 +1,86 @@
+// The state of a render pass between begin() and end(). Internal to pipeline/.
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "base/arena.h"
+#include "pipeline/builders.h"
+#include "pipeline/execute.h"
+
+namespace pumice::pipeline {
+
+//! Bytes of primitives and draws that a pass collects before its tiles are finished in between.
+constexpr uint64_t kBinBudget = uint64_t(256) << 20;
+constexpr uint64_t kArenaKept = uint64_t(64) << 20;   //!< what an arena may keep from pass to pass
+
+//! A draw, or a clear in the middle of a pass: what a bin entry's number refers to.
+struct DrawRecord {
+  bool isClear = false;
+  // Draws
+  std::shared_ptr<GraphicsPipeline> pipeline;
+  std::shared_ptr<const FragmentRoutine> fragment;
+  DrawConstants constants;
+  std::byte push[kMaxPushBytes];
+  interp::Tables tables;
+  interp::UniformBank bank;
+  VkRect2D bounds{};
+  uint64_t* occlusion = nullptr;
+  // Clears
+  VkClearAttachment clear{};
+  VkRect2D rect{};
+  uint32_t baseLayer = 0, layerCount = 1;
+};
+
+//! One plane of an attachment as tiles address it: layer 0 of the view, sample 0.
+struct AttachmentPlane {
+  std::byte* base = nullptr;
+  uint64_t samplePitch = 0;
+  uint32_t rowElements = 0;      //!< elements from one row of blocks to the next
+};
+
+struct TileWorker;
+struct FrontWorker;
+
+struct PassExecutor::Impl {
+  explicit Impl(base::ThreadPool& pool);
+  ~Impl();
+
+  base::ThreadPool& pool;
+  const bool stats;
+  PassBegin pass;
+  bool open = false;
+  uint32_t samples = 1;
+  AttachmentPlane colorPlanes[kMaxColorAttachments], depth, stencil;
+  std::deque<std::unique_ptr<DrawRecord>> draws;
+  std::optional<raster::Bins> bins;
+  uint64_t collected = 0;        //!< bytes since the last flush
+  bool loaded = false;           //!< load operations are done
+  uint64_t* occlusion = nullptr;
+  std::vector<std::unique_ptr<FrontWorker>> front;
+  std::vector<std::unique_ptr<TileWorker>> tileWorkers;
+  base::Arena clearArena;
+  PassCounters counters;
+
+  void begin(const PassBegin& pass);
+  void draw(const DrawState& state, const DrawParams& params);
+  void clear(const VkClearAttachment& attachment, const VkClearRect& rect);
+  void end();
+  //! Finishes the tiles for what was collected. Draws before the last one are forgotten.
+  void flush();
+
+ private:
+  bool fits(const GraphicsState& state) const;
+  void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
+  void resolve();
+  void forgetPrimitives();
+};
+
+VkRect2D intersect(const VkRect2D& a, const VkRect2D& b);
+inline bool isEmpty(const VkRect2D& r) { return !r.extent.width || !r.extent.height; }
+
+//! Fills a rectangle of an attachment's layers [baseLayer, baseLayer + layerCount) of the view with one element.
+void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
+                    const VkClearValue& value);
+
+}  // namespace pumice::pipeline
