@@ -2,10 +2,11 @@
 //
 //   function "name" shared=64
 //   %1 = const f32 0x3fc00000 ; 1.5          also read: const f32 1.5, const i32 -3
-//   %2 = table.load i32 push+16 %3           tables: push, draw, set0 .. set7
+//   %2 = table.load i32 push+16 %3           tables: push, draw, set0 .. set7, constants
 //   %4 = load f32 +8 %base, %offset, %size !volatile @12
 //   if %m                                    regions are indented; break 1
-//   %5 = tile.load f32 0:4                   plane : byte offset; also variable : component
+//   %5 = tile.load f32 0:16+4                plane : bytes of an element + byte offset
+//   %8 = shader.input f32 2:1                variable : component
 //   %6 = atomic i32 add+4 %b, %o, %s, %v
 //   %7 = image tuple {sample 2d arrayed operands=5 image=0 sampler=1 texel=f32} %..
 // `;` starts a comment, `@n` is a source line, `~draw` a rate, names of values are free.
@@ -15,7 +16,7 @@
 
 namespace pumice::ir {
 
-enum class ImmKind : uint8_t { None, Const, Number, Offset, Table, Pair, Atomic, Image };
+enum class ImmKind : uint8_t { None, Const, Number, Offset, Table, Pair, Tile, Atomic, Image };
 ImmKind immKind(Op op);
 
 inline constexpr const char* kTypeNames[] = {"none", "mask", "i8", "i16", "i32", "i64", "f16", "f32", "f64", "tuple"};

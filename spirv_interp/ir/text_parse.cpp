@@ -172,7 +172,8 @@ class Parser {
         ok = split(w, '+', first, low);
         if (first == "push") high = kTablePush;
         else if (first == "draw") high = kTableDraw;
-        else if (first.starts_with("set")) ok = ok && parseNumber(first.substr(3), high), high += kTableSet0;
+        else if (first == "constants") high = kTableConstants;
+        else if (first.starts_with("set")) ok = ok && parseNumber(first.substr(3), high) && high < kMaxDescriptorSets, high += kTableSet0;
         else ok = false;
         inst.imm = high << 32 | low;
         break;
@@ -180,6 +181,14 @@ class Parser {
         ok = split(w, ':', first, low) && parseNumber(first, high);
         inst.imm = high << 32 | low;
         break;
+      case ImmKind::Tile: {
+        const size_t colon = w.find(':');
+        uint64_t bytes = 0;
+        ok = colon != w.npos && parseNumber(w.substr(0, colon), high) && split(w.substr(colon + 1), '+', first, low) &&
+             parseNumber(first, bytes) && bytes <= 0xffff && low <= 0xffff;
+        inst.imm = high << 32 | bytes << 16 | low;
+        break;
+      }
       case ImmKind::Atomic:
         ok = split(w, '+', first, low) && lookUp(kAtomicNames, first, index);
         inst.imm = uint64_t(index) << 32 | low;

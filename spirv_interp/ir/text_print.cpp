@@ -15,8 +15,8 @@ ImmKind immKind(Op op) {
     case Op::Load: case Op::LoadConst: case Op::Store: case Op::AtomicCas: case Op::LocalLoad: case Op::LocalStore:
     case Op::SharedLoad: case Op::SharedStore: case Op::SharedAtomicCas: return ImmKind::Offset;
     case Op::TableLoad: return ImmKind::Table;
-    case Op::TileLoad: case Op::TileStore: case Op::ShaderInput: case Op::ShaderOutput: case Op::Builtin:
-      return ImmKind::Pair;
+    case Op::TileLoad: case Op::TileStore: return ImmKind::Tile;
+    case Op::ShaderInput: case Op::ShaderOutput: case Op::Builtin: return ImmKind::Pair;
     case Op::Atomic: case Op::SharedAtomic: return ImmKind::Atomic;
     case Op::ImageOp: return ImmKind::Image;
     default: return ImmKind::None;
@@ -34,6 +34,7 @@ std::string number(const char* format, auto... args) {
 std::string tableName(uint64_t table) {
   if (table == kTablePush) return "push";
   if (table == kTableDraw) return "draw";
+  if (table == kTableConstants) return "constants";
   return number("set%llu", static_cast<unsigned long long>(table - kTableSet0));
 }
 
@@ -78,6 +79,7 @@ std::string immText(const Function& f, const Inst& i, std::string& comment) {
     case ImmKind::Offset: return i.imm ? number(" +%llu", imm) : "";
     case ImmKind::Table: return " " + tableName(high) + number("+%u", low);
     case ImmKind::Pair: return number(" %u:%u", high, low);
+    case ImmKind::Tile: return number(" %u:%u+%u", high, low >> 16, low & 0xffff);
     case ImmKind::Atomic: return high < std::size(kAtomicNames) ? number(" %s+%u", kAtomicNames[high], low) : " ?";
     case ImmKind::Image: return i.imm < f.imageOps.size() ? " " + imageText(f.imageOps[i.imm]) : " {?}";
   }

@@ -176,6 +176,10 @@ class Verifier {
       case Op::QuadDdy: return check(i.imm <= 1, "0 (coarse) or 1 (fine) expected");
       case Op::QuadSwizzle: return check(i.imm <= 255, "two bits for each of four lanes expected");
       case Op::TableLoad: return check(high < kTableCount, "no such table");
+      case Op::TileLoad:
+      case Op::TileStore:
+        return check((i.imm & 0xffff) + typeBytes(i.op == Op::TileLoad ? i.type : type(i, 0)) <= (i.imm >> 16 & 0xffff),
+                     "value outside the plane's element");
       case Op::Atomic:
       case Op::SharedAtomic: return check(high < std::size(kAtomicNames), "no such atomic operation");
       case Op::ImageOp: return check(i.imm < f_.imageOps.size(), "no such image operation");

@@ -32,7 +32,7 @@ TEST(Text, printedTextParsesBackToTheSameText) {
       endblock
     endloop
   else
-    tile.store 1:4 %6
+    tile.store 1:16+4 %6
   endif
   %18 = atomic i32 smax+4 %5, %4, %5, %2
   %19 = image tuple {gather 2d arrayed implicit signed operands=257 image=3 sampler=4 texel=i32 format=7} %2, %2, %6, %6, %6, %6
@@ -92,12 +92,12 @@ TEST(Verify, typesMustFit) {
         "%x = feq mask %f, %i", "%x = select f32 %m, %f, %i", "%x = select f32 %i, %f, %f", "%x = ftos f32 %f",
         "%x = trunc i64 %i", "%x = sext i32 %l", "%x = bitcast i64 %f", "%x = var.get f32 %f", "%x = var.get i32 %v",
         "var.set %v, %i", "if %i\nendif", "%x = load f32 %i, %i, %l", "%x = load mask %l, %i, %l", "store %l, %i, %l, %m",
-        "%x = umulhi i64 %l, %l", "%x = quad.ddx f32 2 %f", "%x = table.load f32 set8+0 %i", "%x = tuple.get f32 0 %f",
-        "%x = descriptor tuple 0 %i\n%y = tuple.get i64 2 %x", "%x = local.load f32 %i, %i"})
+        "%x = umulhi i64 %l, %l", "%x = quad.ddx f32 2 %f", "%x = table.load f32 set9+0 %i", "%x = tuple.get f32 0 %f",
+        "%x = descriptor tuple 0 %i\n%y = tuple.get i64 2 %x", "tile.store 0:4+1 %f", "%x = tile.load f64 0:4 ", "%x = local.load f32 %i, %i"})
     EXPECT_NE(verdict(head + bad), "") << bad;
   for (const char* good :
        {"%x = fadd f32 %f, %f", "%x = feq mask %f, %f", "%x = select mask %m, %m, %m", "%x = ftos i8 %f",
-        "%x = trunc i8 %l", "%x = bitcast f32 %i", "%x = var.get f32 %v", "var.set %v, %f", "%x = load f32 %l, %l, %l",
+        "%x = trunc i8 %l", "%x = bitcast f32 %i", "%x = var.get f32 %v", "var.set %v, %f", "tile.store 0:8+4 %f", "%x = tile.load f32 0:4", "%x = table.load f32 constants+4 %i", "%x = load f32 %l, %l, %l",
         "store %l, %i, %l, %f", "%x = descriptor tuple 0 %i\n%y = tuple.get i64 1 %x",
         "%x = local.alloc i32 64\n%y = local.load f32 %x, %i\nlocal.store +4 %x, %i, %y"})
     EXPECT_EQ(verdict(head + good), "") << good;
