@@ -174,8 +174,8 @@ std::vector<float> floatSamples(const FormatInfo& f) {
                           INFINITY, -INFINITY, NAN, 0.0031308f, std::nextafter(0.0031308f, 1.0f)};
   std::mt19937 random(f.format);
   std::uniform_real_distribution<float> unit(-1.1f, 1.1f);
-  for (int i = 0; i < 30000; ++i) v.push_back(unit(random));
-  for (int i = 0; i < 30000; ++i) v.push_back(std::bit_cast<float>(uint32_t(random())));
+  for (int i = 0; i < 10000; ++i) v.push_back(unit(random));
+  for (int i = 0; i < 10000; ++i) v.push_back(std::bit_cast<float>(uint32_t(random())));
   // Around every rounding boundary of the narrow components.
   for (const Component& c : f.rgba) {
     if (c.numeric != Numeric::Unorm && c.numeric != Numeric::Snorm && c.numeric != Numeric::Srgb) continue;
