@@ -28,7 +28,9 @@ SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertice
   // Clipping to the sides of the view volume leaves the pixels whose centres are in the viewport: the same as a limit on
   // pixels, without cutting anything. (Samples of a pixel that a fractional viewport cuts go with its centre.)
   constexpr int64_t kLimit = kGuardBand;
-  auto firstCentre = [](double side) { return int64_t(std::ceil(std::clamp(side, -double(kLimit), double(kLimit)) - 0.5)); };
+  auto firstCentre = [](double side) {
+    return std::isnan(side) ? 0 : int64_t(std::ceil(std::clamp(side, -double(kLimit), double(kLimit)) - 0.5));
+  };
   bounds_ = intersect(state.bounds, 0, 0, kLimit / 2, kLimit / 2);
   visible_ = intersect(bounds_, firstCentre(left), firstCentre(top), firstCentre(right), firstCentre(bottom));
 
@@ -61,11 +63,11 @@ SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertice
 bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const {
   if (slot >= vertices_.vertexCount) return false;
   const double x = vertices_.rows[0][slot], y = vertices_.rows[1][slot], z = vertices_.rows[2][slot], w = vertices_.rows[3][slot];
-  // Zero times anything finite is zero; NaN and infinity give NaN.
-  if (x * 0 + y * 0 + z * 0 + w * 0 != 0) return false;
   vertex.slot = slot;
   vertex.clip.x = x * view_.scaleX + w * view_.offsetX;
   vertex.clip.y = y * view_.scaleY + w * view_.offsetY;
+  // Zero times anything finite is zero; NaN and infinity give NaN. (Floats cannot overflow these doubles.)
+  if (!(vertex.clip.x * 0 + vertex.clip.y * 0 + z * 0 + w * 0 == 0)) return false;
   vertex.clip.z = z;
   vertex.clip.w = w;
   vertex.clip.weight[0] = vertex.clip.weight[1] = vertex.clip.weight[2] = 0;
@@ -281,7 +283,7 @@ void SetupContext::clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting
       const uint32_t a = apex, b = part(apex, at, 0), c = part(apex, at, 1);
       bool done = false;
       if (!thin(corners[a], corners[b], corners[c]))
-        done = planes_.fromHomogeneous(own, provoking, polygon[apex].screenX(), polygon[apex].screenY(), set);
+        done = planes_.fromHomogeneous(own, provoking, (double(p.minX) + p.maxX) / 2, (double(p.minY) + p.maxY) / 2, set);
       if (!done) {
         auto corner = [&](uint32_t k) {
           return ScreenVertex{double(corners[k].x) / kSubpixelOne, double(corners[k].y) / kSubpixelOne, polygon[k]};

@@ -1,1 +1,112 @@
 #include "raster_fixture.h"
+
+namespace pumice::raster::test {
+namespace {
+
+constexpr uint32_t kSize = 64;
+
+Draw drawOf(VkPrimitiveTopology topology) {
+  Draw draw(kSize, kSize);
+  draw.state.topology = topology;
+  return draw;
+}
+
+TEST(Lines, EveryColumnOfAFlatLineGetsOnePixelInEitherDirection) {
+  std::mt19937 random(41);
+  for (int i = 0; i < 300; i++) {
+    Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_LIST);
+    const bool steep = i & 1, back = i & 2;
+    const double from = 4.25, to = 59.75, a = 8 + random() % 40, b = a + double(random() % 8);
+    const std::array<double, 2> one{from, a}, two{to, b};
+    for (const auto& p : back ? std::array{two, one} : std::array{one, two}) steep ? draw.addPixel(p[1], p[0]) : draw.addPixel(p[0], p[1]);
+    draw.setup();
+    Picture picture(kSize, kSize, 1);
+    picture.draw(draw);
+    // Centres 4.5 to 59.5.
+    EXPECT_EQ(picture.total(), 56u);
+    for (uint32_t k = 0; k < kSize; k++) {
+      uint32_t sum = 0;
+      for (uint32_t j = 0; j < kSize; j++) sum += steep ? picture.at(j, k) : picture.at(k, j);
+      ASSERT_EQ(sum, k >= 4 && k <= 59 ? 1u : 0u);
+    }
+  }
+}
+
+TEST(Lines, StripsDrawTheirInnerVerticesOnce) {
+  Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_STRIP);
+  draw.addPixel(4.5, 10.5);
+  draw.addPixel(20.5, 10.5);
+  draw.addPixel(40.5, 10.5);
+  draw.setup();
+  ASSERT_EQ(draw.primitives.size(), 2u);
+  Picture picture(kSize, kSize, 1);
+  picture.draw(draw);
+  for (uint32_t x = 4; x < 40; x++) EXPECT_EQ(picture.at(x, 10), 1) << x;
+  EXPECT_EQ(picture.total(), 36u);
+}
+
+TEST(Lines, AreClippedToTheViewVolumeAndKeepTheirValues) {
+  Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_LIST);
+  draw.varyings = {{4, VaryingMode::Perspective}, {4, VaryingMode::Linear}};
+  draw.add({-3, 0.1f, 0, 1}, {0});
+  draw.add({3, 0.1f, 0, 1}, {6});
+  draw.setup();
+  ASSERT_EQ(draw.primitives.size(), 1u);
+  for (int plane : {2, 3}) {
+    const Plane& p = draw.primitives[0].planes[plane];
+    EXPECT_NEAR(p.origin, 2, 1e-9);
+    EXPECT_NEAR(p.origin + 64 * p.dx, 4, 1e-9);
+    EXPECT_NEAR(p.dy, 0, 1e-9);
+  }
+  Picture picture(kSize, kSize, 1);
+  picture.draw(draw);
+  EXPECT_EQ(picture.total(), 64u);
+}
+
+TEST(Lines, WidthCountsPixelsAcross) {
+  Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_LIST);
+  draw.state.lineWidth = 5;
+  draw.addPixel(10, 30.5);
+  draw.addPixel(20, 30.5);
+  draw.setup();
+  Picture picture(kSize, kSize, 1);
+  picture.draw(draw);
+  EXPECT_EQ(picture.total(), 50u);
+}
+
+TEST(Points, AreSquaresOfTheirSize) {
+  for (int size : {1, 2, 3, 8}) {
+    Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_POINT_LIST);
+    draw.pointSizeRow = 4;
+    draw.varyings = {{4, VaryingMode::Perspective}};
+    draw.addPixel(20.5, 30.5, 0.25f, 2, {float(size)});
+    draw.setup();
+    Picture picture(kSize, kSize, 1);
+    picture.draw(draw);
+    EXPECT_EQ(picture.total(), uint64_t(size * size));
+    EXPECT_EQ(picture.at(20, 30), 1);
+    const Primitive& p = draw.primitives.at(0);
+    EXPECT_TRUE(p.frontFacing);
+    EXPECT_EQ(p.planes[0].origin, 0.25);
+    EXPECT_EQ(p.planes[1].origin, 0.5);
+    EXPECT_EQ(p.planes[2].origin, size / 2.0);
+  }
+}
+
+TEST(Points, WithTheirCentreOutsideAreDropped) {
+  Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_POINT_LIST);
+  draw.pointSizeRow = 4;
+  draw.add({1.01f, 0, 0, 1}, {20});
+  draw.add({0, 0, -0.1f, 1}, {20});
+  draw.add({0, 0, 0, -1}, {20});
+  draw.add({1, 0, 0, 1}, {20});
+  draw.setup();
+  ASSERT_EQ(draw.primitives.size(), 1u);
+  EXPECT_EQ(draw.primitives[0].primitiveId, 3u);
+  Picture picture(kSize, kSize, 1);
+  picture.draw(draw);
+  EXPECT_EQ(picture.total(), 10u * 20);
+}
+
+}  // namespace
+}  // namespace pumice::raster::test
