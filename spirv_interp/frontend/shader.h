@@ -8,6 +8,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/result.h"
@@ -15,13 +16,16 @@
 
 namespace pumice::frontend {
 
+using base::Result;
+
 enum class Stage : uint8_t { Vertex, TessControl, TessEval, Geometry, Fragment, Compute };
 
 enum class Interpolation : uint8_t { Perspective, Linear, Flat };
 enum class SampleLocation : uint8_t { Center, Centroid, Sample };
 
 //! One input or output variable (or block member) with a Location. Component c of array/matrix element e is
-//! numbered e*4 + c: element e lies at `location + e`.
+//! numbered e*4 + c: element e lies at `location + e`. (64-bit scalars: c is 0 or 1, two to a location.) In a
+//! built-in, components are numbered through from 0 (element i of ClipDistance is component i).
 struct InterfaceVariable {
   uint32_t location = 0;
   uint32_t component = 0;          //!< first component (Component decoration)

@@ -1,0 +1,319 @@
+#include "spirv_interp/frontend/module.h"
+
+#include <algorithm>
+#include <cstring>
+#include <iterator>
+
+#include <spirv-tools/libspirv.h>
+
+#include "spirv_interp/frontend/shader.h"
+
+namespace pumice::frontend {
+
+namespace {
+
+constexpr OpcodeInfo kOpcodes[] = {
+#define PUMICE_SPIRV_OP(number, name, hasType, hasResult) {number, #name, hasType, hasResult},
+#include "spirv_interp/frontend/grammar.inc"
+#undef PUMICE_SPIRV_OP
+};
+
+struct CapabilityName {
+  uint32_t number;
+  const char* name;
+};
+constexpr CapabilityName kCapabilities[] = {
+#define PUMICE_SPIRV_CAPABILITY(number, name) {number, #name},
+#include "spirv_interp/frontend/grammar.inc"
+#undef PUMICE_SPIRV_CAPABILITY
+};
+
+constexpr uint32_t kHeaderWords = 5;
+// The universal limit of the specification (section 2.17).
+constexpr uint32_t kMaxBound = 0x3fffff;
+constexpr uint32_t kVersion1_6 = 0x00010600;
+
+bool isTerminator(spv::Op op) {
+  switch (op) {
+    case spv::Op::OpBranch:
+    case spv::Op::OpBranchConditional:
+    case spv::Op::OpSwitch:
+    case spv::Op::OpReturn:
+    case spv::Op::OpReturnValue:
+    case spv::Op::OpKill:
+    case spv::Op::OpTerminateInvocation:
+    case spv::Op::OpUnreachable:
+      return true;
+    default:
+      return false;
+  }
+}
+
+}  // namespace
+
+const OpcodeInfo* opcodeInfo(uint32_t opcode) {
+  auto at = std::lower_bound(std::begin(kOpcodes), std::end(kOpcodes), opcode,
+                             [](const OpcodeInfo& info, uint32_t number) { return info.opcode < number; });
+  return at != std::end(kOpcodes) && at->opcode == opcode ? at : nullptr;
+}
+
+std::span<const OpcodeInfo> allOpcodes() { return kOpcodes; }
+
+std::string opcodeName(spv::Op op) {
+  const OpcodeInfo* info = opcodeInfo(uint32_t(op));
+  return info ? info->name : "opcode " + std::to_string(uint32_t(op));
+}
+
+std::string capabilityName(uint32_t capability) {
+  for (const CapabilityName& entry : kCapabilities)
+    if (entry.number == capability) return entry.name;
+  return "capability " + std::to_string(capability);
+}
+
+std::string literalString(std::span<const uint32_t> words, size_t* wordCount) {
+  std::string text;
+  for (size_t i = 0; i < words.size(); i++) {
+    for (unsigned byte = 0; byte < 4; byte++) {
+      char c = char(words[i] >> (8 * byte) & 0xff);
+      if (!c) {
+        if (wordCount) *wordCount = i + 1;
+        return text;
+      }
+      text.push_back(c);
+    }
+  }
+  if (wordCount) *wordCount = words.size();
+  return text;
+}
+
+std::span<const Decoration> Module::decorations(uint32_t id) const {
+  auto at = decorations_.find(id);
+  return at == decorations_.end() ? std::span<const Decoration>() : at->second;
+}
+
+std::span<const Decoration> Module::memberDecorations(uint32_t structType, uint32_t member) const {
+  auto at = memberDecorations_.find(uint64_t(structType) << 32 | member);
+  return at == memberDecorations_.end() ? std::span<const Decoration>() : at->second;
+}
+
+const Decoration* Module::findIn(std::span<const Decoration> list, spv::Decoration kind) {
+  for (const Decoration& decoration : list)
+    if (decoration.kind == kind) return &decoration;
+  return nullptr;
+}
+
+void Module::decorate(const Instruction& inst) {
+  auto copyGroup = [&](uint32_t group) {
+    auto list = decorations(group);
+    return std::vector<Decoration>(list.begin(), list.end());
+  };
+  switch (inst.op) {
+    case spv::Op::OpDecorate:
+    case spv::Op::OpDecorateId:
+      if (inst.count() >= 2)
+        decorations_[inst.operand(0)].push_back({spv::Decoration(inst.operand(1)), inst.operands.subspan(2)});
+      break;
+    case spv::Op::OpMemberDecorate:
+      if (inst.count() >= 3)
+        memberDecorations_[uint64_t(inst.operand(0)) << 32 | inst.operand(1)].push_back(
+            {spv::Decoration(inst.operand(2)), inst.operands.subspan(3)});
+      break;
+    case spv::Op::OpGroupDecorate:
+      for (size_t i = 1; i < inst.count(); i++)
+        for (const Decoration& decoration : copyGroup(inst.operand(0)))
+          decorations_[inst.operand(i)].push_back(decoration);
+      break;
+    case spv::Op::OpGroupMemberDecorate:
+      for (size_t i = 1; i + 1 < inst.count(); i += 2)
+        for (const Decoration& decoration : copyGroup(inst.operand(0)))
+          memberDecorations_[uint64_t(inst.operand(i)) << 32 | inst.operand(i + 1)].push_back(decoration);
+      break;
+    default:
+      break;
+  }
+}
+
+base::Status Module::cut() {
+  if (words.size() < kHeaderWords) return base::errorf("SPIR-V: %zu words are too few for a header", words.size());
+  if (words[0] == __builtin_bswap32(spv::MagicNumber))
+    for (uint32_t& word : words) word = __builtin_bswap32(word);
+  if (words[0] != spv::MagicNumber) return base::errorf("SPIR-V: wrong magic number 0x%08x", words[0]);
+  version = words[1];
+  if (version < 0x00010000 || version > kVersion1_6)
+    return base::errorf("SPIR-V: version 0x%08x is not supported", version);
+  bound = words[3];
+  if (bound == 0 || bound > kMaxBound) return base::errorf("SPIR-V: id bound %u is out of range", bound);
+
+  definitions_.assign(bound, 0);
+  instructions.reserve((words.size() - kHeaderWords) / 4 + 1);
+  uint32_t line = 0;
+  std::unordered_map<uint32_t, uint32_t> smallConstants;  // for DebugLine
+  uint32_t debugSet = 0;
+  for (size_t at = kHeaderWords; at < words.size();) {
+    uint32_t length = words[at] >> 16;
+    uint32_t opcode = words[at] & 0xffff;
+    if (length == 0 || length > words.size() - at)
+      return base::errorf("SPIR-V: instruction at word %zu has the impossible length %u", at, length);
+    const OpcodeInfo* info = opcodeInfo(opcode);
+    if (!info) return base::errorf("SPIR-V: unknown opcode %u at word %zu", opcode, at);
+    if (length < 1u + info->hasResultType + info->hasResult)
+      return base::errorf("SPIR-V: %s at word %zu is too short", info->name, at);
+    Instruction inst;
+    inst.op = spv::Op(opcode);
+    size_t next = at + 1;
+    if (info->hasResultType) inst.resultType = words[next++];
+    if (info->hasResult) inst.result = words[next++];
+    inst.operands = std::span<const uint32_t>(words).subspan(next, at + length - next);
+    at += length;
+
+    if (inst.op == spv::Op::OpLine) {
+      line = inst.operand(1);
+      continue;
+    }
+    if (inst.op == spv::Op::OpNoLine || inst.op == spv::Op::OpFunctionEnd) line = 0;
+    if (inst.op == spv::Op::OpNoLine) continue;
+    if (inst.op == spv::Op::OpExtInst && debugSet && inst.operand(0) == debugSet) {
+      // NonSemantic.Shader.DebugInfo.100: DebugLine source, first line, ...; DebugNoLine.
+      if (inst.operand(1) == 103) {
+        auto constant = smallConstants.find(inst.operand(3));
+        if (constant != smallConstants.end()) line = constant->second;
+      } else if (inst.operand(1) == 104) {
+        line = 0;
+      }
+      continue;
+    }
+    inst.line = line;
+
+    if (info->hasResult) {
+      if (inst.result == 0 || inst.result >= bound)
+        return base::errorf("SPIR-V: %s has the result id %u beyond the bound %u", info->name, inst.result, bound);
+      if (definitions_[inst.result])
+        return base::errorf("SPIR-V: id %u is defined twice", inst.result);
+      definitions_[inst.result] = uint32_t(instructions.size()) + 1;
+    }
+    if (inst.op == spv::Op::OpConstant && inst.count() == 1) smallConstants[inst.result] = inst.operand(0);
+    if (inst.op == spv::Op::OpExtInstImport) {
+      extendedSets[inst.result] = literalString(inst.operands);
+      if (extendedSets[inst.result] == "NonSemantic.Shader.DebugInfo.100") debugSet = inst.result;
+    }
+    instructions.push_back(inst);
+  }
+
+  // Pointers into `instructions` are taken only now that it does not grow any more.
+  FunctionBody* function = nullptr;
+  BasicBlock* block = nullptr;
+  globalsEnd = uint32_t(instructions.size());
+  for (uint32_t i = 0; i < instructions.size(); i++) {
+    const Instruction& inst = instructions[i];
+    switch (inst.op) {
+      case spv::Op::OpCapability:
+        capabilities.push_back(inst.operand(0));
+        break;
+      case spv::Op::OpEntryPoint: {
+        if (inst.count() < 3) return base::errorf("SPIR-V: OpEntryPoint is too short");
+        EntryPoint entry;
+        entry.model = spv::ExecutionModel(inst.operand(0));
+        entry.function = inst.operand(1);
+        size_t nameWords = 0;
+        entry.name = literalString(inst.operands.subspan(2), &nameWords);
+        entry.interface = inst.operands.subspan(2 + nameWords);
+        entryPoints.push_back(std::move(entry));
+        break;
+      }
+      case spv::Op::OpExecutionMode:
+      case spv::Op::OpExecutionModeId:
+        executionModes.push_back(&inst);
+        break;
+      case spv::Op::OpString:
+        strings[inst.result] = literalString(inst.operands);
+        break;
+      case spv::Op::OpSource:
+        if (inst.count() >= 3) {
+          auto name = strings.find(inst.operand(2));
+          if (name != strings.end()) sources.push_back(name->second);
+        }
+        break;
+      case spv::Op::OpFunction:
+        if (globalsEnd == instructions.size()) globalsEnd = i;
+        if (function) return base::errorf("SPIR-V: function %u begins within another", inst.result);
+        functionOfId[inst.result] = uint32_t(functions.size());
+        function = &functions.emplace_back();
+        function->id = inst.result;
+        function->returnType = inst.resultType;
+        block = nullptr;
+        break;
+      case spv::Op::OpFunctionEnd:
+        if (!function || block) return base::errorf("SPIR-V: OpFunctionEnd in the wrong place");
+        function = nullptr;
+        break;
+      case spv::Op::OpFunctionParameter:
+        if (!function || !function->blocks.empty()) return base::errorf("SPIR-V: misplaced OpFunctionParameter");
+        function->parameters.push_back(inst.result);
+        break;
+      case spv::Op::OpLabel:
+        if (!function || block) return base::errorf("SPIR-V: misplaced OpLabel %u", inst.result);
+        function->blockOfLabel[inst.result] = uint32_t(function->blocks.size());
+        block = &function->blocks.emplace_back();
+        block->label = inst.result;
+        block->first = i + 1;
+        break;
+      default:
+        if (function && !block && function->blocks.empty()) break;  // debug instructions between parameters
+        if (function && !block) return base::errorf("SPIR-V: %s outside of a block", opcodeName(inst.op).c_str());
+        decorate(inst);
+        if (!block) break;
+        if (inst.op == spv::Op::OpSelectionMerge) block->merge = inst.operand(0);
+        if (inst.op == spv::Op::OpLoopMerge) {
+          block->merge = inst.operand(0);
+          block->continueTarget = inst.operand(1);
+        }
+        if (isTerminator(inst.op)) {
+          block->end = i + 1;
+          block = nullptr;
+        }
+        break;
+    }
+  }
+  if (function) return base::errorf("SPIR-V: the last function does not end");
+  return {};
+}
+
+namespace {
+
+base::Status validate(const std::vector<uint32_t>& words) {
+  // Vulkan 1.3 takes every SPIR-V version from 1.0 to 1.6.
+  spv_context context = spvContextCreate(SPV_ENV_VULKAN_1_3);
+  spv_validator_options options = spvValidatorOptionsCreate();
+  if (!context || !options) return base::errorf("SPIR-V: out of memory");
+  spvValidatorOptionsSetRelaxBlockLayout(options, true);
+  spvValidatorOptionsSetUniformBufferStandardLayout(options, true);
+  spvValidatorOptionsSetScalarBlockLayout(options, true);
+  spvValidatorOptionsSetAllowLocalSizeId(options, true);
+  spvValidatorOptionsSetUniversalLimit(options, spv_validator_limit_max_id_bound, kMaxBound);
+  spv_const_binary_t binary{words.data(), words.size()};
+  spv_diagnostic diagnostic = nullptr;
+  spv_result_t result = spvValidateWithOptions(context, options, &binary, &diagnostic);
+  base::Status status;
+  if (result != SPV_SUCCESS)
+    status = base::errorf("SPIR-V is invalid: %s", diagnostic && diagnostic->error ? diagnostic->error : "no reason given");
+  spvDiagnosticDestroy(diagnostic);
+  spvValidatorOptionsDestroy(options);
+  spvContextDestroy(context);
+  return status;
+}
+
+}  // namespace
+
+Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words) {
+  try {
+    auto module = std::make_shared<Module>();
+    module->words.assign(words.begin(), words.end());
+    PUMICE_TRY(module->cut());
+    PUMICE_TRY(validate(module->words));
+    return std::shared_ptr<const Module>(std::move(module));
+  } catch (const std::bad_alloc&) {
+    return base::errorf("SPIR-V: out of memory while parsing %zu words", words.size());
+  }
+}
+
+}  // namespace pumice::frontend

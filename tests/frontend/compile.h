@@ -1,0 +1,17 @@
+// GLSL to SPIR-V for tests.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace pumice::frontend::test {
+
+enum class GlslStage { Vertex, Fragment, Compute };
+
+//! SPIR-V of a GLSL shader (Vulkan 1.3 semantics, SPIR-V 1.6 or the version given). Empty, with the compiler's
+//! text in `log`, on errors.
+std::vector<uint32_t> compileGlsl(GlslStage stage, const std::string& source, std::string* log = nullptr,
+                                  bool oldSpirv = false);
+
+}  // namespace pumice::frontend::test
