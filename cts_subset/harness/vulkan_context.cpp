@@ -4,6 +4,7 @@
 #include <cstring>
 #include <filesystem>
 #include <iostream>
+#include <memory>
 #include <utility>
 
 namespace pumice::cts {
@@ -224,17 +225,10 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
     info.pQueueCreateInfos = &queueInfo;
     check(vkCreateDevice(physical, &info, nullptr, &handle), "vkCreateDevice");
     vkGetDeviceQueue(handle, family, 0, &queue);
-
-    VkCommandPoolCreateInfo poolInfo{};
-    poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
-    poolInfo.flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT;
-    poolInfo.queueFamilyIndex = family;
-    check(vkCreateCommandPool(handle, &poolInfo, nullptr, &pool), "vkCreateCommandPool");
 }
 
 Device::~Device() {
     vkDeviceWaitIdle(handle);
-    vkDestroyCommandPool(handle, pool, nullptr);
     vkDestroyDevice(handle, nullptr);
 }
 
@@ -251,7 +245,22 @@ uint32_t Device::memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) cons
     throw VulkanError(VK_ERROR_OUT_OF_DEVICE_MEMORY, "no fitting memory type");
 }
 
+void Device::waitIdle() {
+    std::lock_guard guard(queueLock);
+    vkDeviceWaitIdle(handle);
+}
+
 void Device::run(const std::function<void(VkCommandBuffer)>& record) {
+    VkCommandPoolCreateInfo poolInfo{};
+    poolInfo.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
+    poolInfo.flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT;
+    poolInfo.queueFamilyIndex = family;
+    VkCommandPool pool = VK_NULL_HANDLE;
+    check(vkCreateCommandPool(handle, &poolInfo, nullptr, &pool), "vkCreateCommandPool");
+    // Whatever happens while recording, the pool goes.
+    std::unique_ptr<VkCommandPool, std::function<void(VkCommandPool*)>> owner(
+        &pool, [this](VkCommandPool* p) { vkDestroyCommandPool(handle, *p, nullptr); });
+
     VkCommandBufferAllocateInfo allocate{};
     allocate.sType = VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO;
     allocate.commandPool = pool;
@@ -275,11 +284,14 @@ void Device::run(const std::function<void(VkCommandBuffer)>& record) {
     submit.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
     submit.commandBufferCount = 1;
     submit.pCommandBuffers = &commands;
-    VkResult result = vkQueueSubmit(queue, 1, &submit, fence);
+    VkResult result = VK_SUCCESS;
+    {
+        std::lock_guard guard(queueLock);
+        result = vkQueueSubmit(queue, 1, &submit, fence);
+    }
     if (result == VK_SUCCESS)
         result = vkWaitForFences(handle, 1, &fence, VK_TRUE, kFenceTimeoutNs);
     vkDestroyFence(handle, fence, nullptr);
-    vkFreeCommandBuffers(handle, pool, 1, &commands);
     check(result, "submitting and waiting");
 }
 

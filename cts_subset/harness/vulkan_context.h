@@ -81,11 +81,13 @@ public:
     bool supports(VkFormat format, VkFormatFeatureFlags optimalFeatures) const;
     uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
 
-    // Records one command buffer, submits it and waits until it is done.
+    // Records one command buffer, submits it and waits until it is done. Several threads may call
+    // this: each call has its own pool, and the queue is locked.
     void run(const std::function<void(VkCommandBuffer)>& record);
+    void waitIdle();
 
 private:
-    VkCommandPool pool = VK_NULL_HANDLE;
+    std::mutex queueLock;
 };
 
 } // namespace pumice::cts

@@ -22,7 +22,7 @@ VkImageAspectFlags aspectsOf(VkFormat format) {
 }
 
 Workspace::~Workspace() {
-    vkDeviceWaitIdle(device.handle);
+    device.waitIdle();
     for (auto undo = undoList.rbegin(); undo != undoList.rend(); ++undo) (*undo)();
 }
 

@@ -144,10 +144,11 @@ Picture renderBlendTable(Device& device, Variant variant) {
             spec.blend = state;
             pipelines.push_back(canvas.pipeline(spec));
         }
-    return canvas.draw({0.3f, 0.6f, 0.45f, 0.7f}, [&](VkCommandBuffer commands) {
+    // Values that 8 bits hold exactly: no doubt about how source and destination are rounded.
+    return canvas.draw(glm::vec4(77, 153, 115, 178) / 255.0f, [&](VkCommandBuffer commands) {
         for (size_t i = 0; i < pipelines.size(); ++i) {
             double x = double(i % 15) * 16 + 4, y = double(i / 15) * 24 + 4;
-            glm::vec4 colour(0.8f, 0.25f, 0.55f, 0.35f);
+            glm::vec4 colour = glm::vec4(204, 64, 140, 89) / 255.0f;
             Vertex a{atPixel(canvas.size(), x, y), colour};
             Vertex b{atPixel(canvas.size(), x + 12, y), colour};
             Vertex c{atPixel(canvas.size(), x + 12, y + 20), colour};

@@ -1,6 +1,8 @@
 // cts_subset: every test drives Vulkan through the ordinary loader.
 #include "cts_subset/tests/world.h"
 
+#include <iostream>
+
 namespace pumice::cts {
 namespace {
 
@@ -49,9 +51,18 @@ void endWorld() {
 
 } // namespace pumice::cts
 
+// ctest counts this exit status as skipped (SKIP_RETURN_CODE).
+static constexpr int kSkipped = 77;
+
 int main(int argc, char** argv) {
     testing::InitGoogleTest(&argc, argv);
+    testing::FLAGS_gtest_death_test_style = "threadsafe"; // drivers have threads
     pumice::cts::selectDrivers();
+    if (pumice::cts::validationRequested() && !pumice::cts::VulkanInstance::validationAvailable()) {
+        std::cerr << "VK_LAYER_KHRONOS_validation is not installed (package "
+                     "vulkan-validationlayers): nothing is validated\n";
+        return pumice::cts::peersRequired() ? 1 : kSkipped;
+    }
     if (pumice::cts::validationRequested())
         testing::UnitTest::GetInstance()->listeners().Append(new pumice::cts::ValidationListener);
     int status = RUN_ALL_TESTS();
