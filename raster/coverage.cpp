@@ -8,12 +8,12 @@
 // >= 0 exactly when a*px + b*py + floor((a*sx + b*sy + c) / 256) >= 0, because the first two terms are whole
 // multiples. So an edge becomes, per sample, one integer at the tile's corner and two steps per pixel.
 //
-// 32 bits. An edge that neither accepts nor rejects the whole tile is zero somewhere in it, so its value at
+// 32 bits. An edge that neither accepts nor rejects the rectangle asked for changes its sign somewhere in the tile, so its value at
 // the corner is at most 64*(|a| + |b|); every value formed inside the tile is at most twice that. With |a| + |b|
 // <= 2^23 (edges up to 32768 pixels) this is at most 2^30 and int32 is exact; longer edges take int64.
 #include <algorithm>
 #include <bit>
-#include <cstring>
+#include <cstdlib>
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
@@ -58,54 +58,68 @@ inline uint32_t placesInside(const Rect& r, int x, int y, int shift) {
   return kLineMasks.columns[set(r.x0, r.x1, x)] & kLineMasks.rows[set(r.y0, r.y1, y)];
 }
 
-// One edge that cuts the tile. Values are at the tile's pixel (0, 0).
+// One edge that cuts the rectangle. Values are at the tile's pixel (0, 0).
 template <typename T>
 struct TileEdge {
-  alignas(16) T places[16];  // stepX * placeX + stepY * placeY
+  alignas(16) T quad[4];     // change from pixel (0, 0) to (0, 0), (1, 0), (0, 1), (1, 1)
   T stepX, stepY;
   T low, high;               // over the samples of a pixel
-  T inward, outward;         // change per pixel towards the corner deepest inside (>= 0) and outside (<= 0)
   T sample[kMaxSamples];
 
   T step(int x, int y) const { return stepX * T(x) + stepY * T(y); }
+  // Change over `pixels` towards the corner deepest inside (>= 0) and outside (<= 0).
+  T inward(T pixels) const { return (std::max(stepX, T(0)) + std::max(stepY, T(0))) * pixels; }
+  T outward(T pixels) const { return (std::min(stepX, T(0)) + std::min(stepY, T(0))) * pixels; }
 };
 
-// Bit i: base + places[i] << shift is negative.
-template <typename T>
-inline uint32_t negativePlaces(T base, const T* places, int shift) {
+// Bit i: the value of place i is negative, where places are 2^shift pixels apart and `base` belongs to the first.
+template <int shift, typename T>
+inline uint32_t negativePlaces(T base, const TileEdge<T>& edge) {
 #if defined(__SSE2__)
   if constexpr (sizeof(T) == 4) {
-    const __m128i b = _mm_set1_epi32(base);
-    const __m128i s = _mm_cvtsi32_si128(shift);
-    auto quad = [&](int q) {
-      const __m128i p = _mm_load_si128(reinterpret_cast<const __m128i*>(places) + q);
-      return _mm_add_epi32(b, _mm_sll_epi32(p, s));
-    };
-    const __m128i low = _mm_packs_epi32(quad(0), quad(1)), high = _mm_packs_epi32(quad(2), quad(3));
-    return uint32_t(_mm_movemask_epi8(_mm_packs_epi16(low, high)));
+    const __m128i offsets = _mm_slli_epi32(_mm_load_si128(reinterpret_cast<const __m128i*>(edge.quad)), shift);
+    const __m128i right = _mm_set1_epi32(edge.stepX * (T(2) << shift)), down = _mm_set1_epi32(edge.stepY * (T(2) << shift));
+    const __m128i q0 = _mm_add_epi32(_mm_set1_epi32(base), offsets), q1 = _mm_add_epi32(q0, right);
+    const __m128i q2 = _mm_add_epi32(q0, down), q3 = _mm_add_epi32(q1, down);
+    // Packing saturates, so signs stay.
+    return uint32_t(_mm_movemask_epi8(_mm_packs_epi16(_mm_packs_epi32(q0, q1), _mm_packs_epi32(q2, q3))));
   }
 #endif
   uint32_t mask = 0;
-  for (int i = 0; i < 16; i++) mask |= uint32_t(base + places[i] * (T(1) << shift) < 0) << i;
+  for (int i = 0; i < 16; i++) mask |= uint32_t(base + edge.step(placeX(i), placeY(i)) * (T(1) << shift) < 0) << i;
   return mask;
 }
 
 template <typename T>
 class TileRasterizer {
  public:
-  TileRasterizer(const Rect& rect, int originX, int originY, uint32_t samples, BlockSink& sink)
-      : rect_(rect), originX_(originX), originY_(originY), samples_(samples), sink_(sink) {}
+  TileRasterizer(const Rect& rect, int64_t originX, int64_t originY, std::span<const std::array<uint8_t, 2>> locations, BlockSink& sink)
+      : rect_(rect), originX_(originX), originY_(originY), locations_(locations), samples_(uint32_t(locations.size())), sink_(sink) {}
 
-  void addEdge(const Edge& edge, const int64_t* values, int64_t low, int64_t high) {
+  //! False when the edge lets in nothing of the rectangle. One that lets in all of it is forgotten.
+  bool addEdge(const Edge& edge) {
+    const int64_t corner = edge.a * (originX_ * kSubpixelOne) + edge.b * (originY_ * kSubpixelOne) + edge.c;
+    int64_t values[kMaxSamples], low, high;
+    low = high = values[0] = (corner + edge.a * (locations_[0][0] * 16) + edge.b * (locations_[0][1] * 16)) >> kSubpixelBits;
+    for (uint32_t s = 1; s < samples_; s++) {
+      values[s] = (corner + edge.a * (locations_[s][0] * 16) + edge.b * (locations_[s][1] * 16)) >> kSubpixelBits;
+      low = std::min(low, values[s]);
+      high = std::max(high, values[s]);
+    }
+    const int64_t x0 = edge.a * rect_.x0, x1 = edge.a * rect_.x1, y0 = edge.b * rect_.y0, y1 = edge.b * rect_.y1;
+    if (high + std::max(x0, x1) + std::max(y0, y1) < 0) return false;
+    if (low + std::min(x0, x1) + std::min(y0, y1) >= 0) return true;
     TileEdge<T>& e = edges_[count_++];
     e.stepX = T(edge.a);
     e.stepY = T(edge.b);
     e.low = T(low);
     e.high = T(high);
-    e.inward = std::max(e.stepX, T(0)) + std::max(e.stepY, T(0));
-    e.outward = std::min(e.stepX, T(0)) + std::min(e.stepY, T(0));
-    for (int i = 0; i < 16; i++) e.places[i] = e.step(placeX(i), placeY(i));
+    e.quad[0] = 0;
+    e.quad[1] = e.stepX;
+    e.quad[2] = e.stepY;
+    e.quad[3] = e.stepX + e.stepY;
     for (uint32_t s = 0; s < samples_; s++) e.sample[s] = T(values[s]);
+    return true;
   }
 
   void run() {
@@ -131,8 +145,8 @@ class TileRasterizer {
       const uint32_t k = uint32_t(std::countr_zero(set));
       const TileEdge<T>& e = edges_[k];
       const T here = e.step(x, y);
-      alive &= ~negativePlaces<T>(e.high + here + e.inward * kLast, e.places, shift);
-      partial[k] = negativePlaces<T>(e.low + here + e.outward * kLast, e.places, shift);
+      alive &= ~negativePlaces<shift>(T(e.high + here + e.inward(kLast)), e);
+      partial[k] = negativePlaces<shift>(T(e.low + here + e.outward(kLast)), e);
     }
     for (; alive; alive &= alive - 1) {
       const int i = std::countr_zero(alive);
@@ -159,7 +173,7 @@ class TileRasterizer {
       uint32_t mask = allowed;
       for (uint32_t set = active; set; set &= set - 1) {
         const TileEdge<T>& e = edges_[std::countr_zero(set)];
-        mask &= ~negativePlaces<T>(e.sample[s] + e.step(x, y), e.places, 0);
+        mask &= ~negativePlaces<0>(T(e.sample[s] + e.step(x, y)), e);
       }
       masks[s] = uint16_t(mask);
       any |= mask;
@@ -172,7 +186,8 @@ class TileRasterizer {
   TileEdge<T> edges_[4];
   uint32_t count_ = 0;
   Rect rect_;
-  int originX_, originY_;
+  int64_t originX_, originY_;  // of the tile, pixels
+  std::span<const std::array<uint8_t, 2>> locations_;
   uint32_t samples_;
   BlockSink& sink_;
 };
@@ -181,7 +196,6 @@ class TileRasterizer {
 
 void rasterize(const Primitive& p, uint32_t tileX, uint32_t tileY, const VkRect2D& bounds, uint32_t samples, BlockSink& sink) {
   const auto locations = sampleLocations(samples);
-  samples = uint32_t(locations.size());
   constexpr int64_t kTile = kTileSize;
   const int64_t originX = tileX * kTile, originY = tileY * kTile;
   auto first = [](int64_t a, int64_t b, int64_t origin) { return int(std::clamp<int64_t>(std::max(a, b) - origin, 0, kTileSize)); };
@@ -193,38 +207,17 @@ void rasterize(const Primitive& p, uint32_t tileX, uint32_t tileY, const VkRect2
   rect.y1 = last(p.maxY, int64_t(bounds.offset.y) + bounds.extent.height - 1, originY);
   if (rect.x0 > rect.x1 || rect.y0 > rect.y1) return;
 
-  // Edges that let in the whole tile are forgotten; one that lets in nothing of it ends everything.
-  struct Cutting {
-    const Edge* edge;
-    int64_t values[kMaxSamples], low, high;
-  } cutting[4];
-  uint32_t count = 0;
   bool narrow = true;
-  for (uint32_t k = 0; k < p.edgeCount; k++) {
-    const Edge& e = p.edges[k];
-    const int64_t corner = e.a * (originX * kSubpixelOne) + e.b * (originY * kSubpixelOne) + e.c;
-    Cutting& cut = cutting[count];
-    for (uint32_t s = 0; s < samples; s++)
-      cut.values[s] = (corner + e.a * (locations[s][0] * 16) + e.b * (locations[s][1] * 16)) >> kSubpixelBits;
-    cut.low = *std::min_element(cut.values, cut.values + samples);
-    cut.high = *std::max_element(cut.values, cut.values + samples);
-    const int64_t inward = std::max<int64_t>(e.a, 0) + std::max<int64_t>(e.b, 0);
-    const int64_t outward = std::min<int64_t>(e.a, 0) + std::min<int64_t>(e.b, 0);
-    if (cut.high + inward * (kTile - 1) < 0) return;
-    if (cut.low + outward * (kTile - 1) >= 0) continue;
-    cut.edge = &e;
-    narrow &= inward - outward <= kNarrowLimit;
-    count++;
-  }
-
+  for (uint32_t k = 0; k < p.edgeCount; k++) narrow &= std::abs(p.edges[k].a) + std::abs(p.edges[k].b) <= kNarrowLimit;
   auto run = [&](auto rasterizer) {
-    for (uint32_t k = 0; k < count; k++) rasterizer.addEdge(*cutting[k].edge, cutting[k].values, cutting[k].low, cutting[k].high);
+    for (uint32_t k = 0; k < p.edgeCount; k++)
+      if (!rasterizer.addEdge(p.edges[k])) return;
     rasterizer.run();
   };
   if (narrow)
-    run(TileRasterizer<int32_t>(rect, int(originX), int(originY), samples, sink));
+    run(TileRasterizer<int32_t>(rect, originX, originY, locations, sink));
   else
-    run(TileRasterizer<int64_t>(rect, int(originX), int(originY), samples, sink));
+    run(TileRasterizer<int64_t>(rect, originX, originY, locations, sink));
 }
 
 }  // namespace pumice::raster

@@ -93,14 +93,18 @@ bool PlaneBuilder::fromOwnCorners(const SetupVertex* own, uint32_t provoking, co
   const double x1 = x[1] - x[0], y1 = y[1] - y[0], x2 = x[2] - x[0], y2 = y[2] - y[0];
   const double area = x1 * y2 - x2 * y1;
   if (area == 0) return false;
+  // Gradients as weights of the values: shared by all quantities.
+  const double inverse = 1 / area;
+  const double ax = y2 * inverse, bx = -y1 * inverse, ay = -x2 * inverse, by = x1 * inverse;
+  const double inverseW[3] = {1 / own[0].clip.w, 1 / own[1].clip.w, 1 / own[2].clip.w};
   return fill(3, own, provoking, set, [&](Quantity quantity, const double* values) {
     double f[3] = {values[0], values[1], values[2]};
     if (quantity != Quantity::Linear)
-      for (int i = 0; i < 3; i++) f[i] /= own[i].clip.w;
+      for (int i = 0; i < 3; i++) f[i] *= inverseW[i];
     const double f1 = f[1] - f[0], f2 = f[2] - f[0];
     Plane plane;
-    plane.dx = (f1 * y2 - f2 * y1) / area;
-    plane.dy = (f2 * x1 - f1 * x2) / area;
+    plane.dx = f1 * ax + f2 * bx;
+    plane.dy = f1 * ay + f2 * by;
     plane.origin = f[0] - plane.dx * x[0] - plane.dy * y[0];
     return plane;
   });

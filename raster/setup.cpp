@@ -75,6 +75,12 @@ bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) con
   return true;
 }
 
+bool SetupContext::insideGuard(const ClipVertex& v) const {
+  const double side = double(kGuardBand) * v.w;  // exact: a power of two
+  return bool((v.w >= kSmallestW) & (std::fabs(v.x) <= side) & (std::fabs(v.y) <= side) &
+              (((guard_.planes & kDepthPlanes) == 0) | ((v.z >= 0) & (v.z <= v.w))));
+}
+
 SnappedPoint SetupContext::snapVertex(const ClipVertex& v) {
   // Clipped vertices may miss the guard band by a rounding.
   auto limited = [](double pixels) { return std::clamp(pixels, -double(kGuardBand) - 1, double(kGuardBand) + 1); };
@@ -142,22 +148,22 @@ void SetupContext::triangle(const uint32_t (&slots)[3], uint32_t provoking, uint
       counters_.clippedAway++;
       return;
     }
-  uint32_t anyOut = 0, allOut = ~0u, allRejected = ~0u;
-  for (const SetupVertex& v : own) {
-    const uint32_t code = outcode(guard_, v.clip);
-    anyOut |= code;
-    allOut &= code;
-    allRejected &= outcode(reject_, v.clip);
-  }
-  if (allOut) {
-    counters_.clippedAway++;
-    return;
-  }
-  if (allRejected) {
-    counters_.culledOutside++;
-    return;
-  }
-  if (anyOut) {
+  if (!(insideGuard(own[0].clip) & insideGuard(own[1].clip) & insideGuard(own[2].clip))) {
+    uint32_t anyOut = 0, allOut = ~0u, allRejected = ~0u;
+    for (const SetupVertex& v : own) {
+      const uint32_t code = outcode(guard_, v.clip);
+      anyOut |= code;
+      allOut &= code;
+      allRejected &= outcode(reject_, v.clip);
+    }
+    if (allOut) {
+      counters_.clippedAway++;
+      return;
+    }
+    if (allRejected) {
+      counters_.culledOutside++;
+      return;
+    }
     clippedTriangle(own, anyOut, provoking, primitiveId);
     return;
   }

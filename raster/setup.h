@@ -45,6 +45,8 @@ class SetupContext {
   };
 
   bool load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const;
+  //! outcode(guard_, v) == 0, for the many.
+  bool insideGuard(const ClipVertex& v) const;
   static SnappedPoint snapVertex(const ClipVertex& v);
   void clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting, uint32_t provoking, uint32_t primitiveId);
   //! False, and counted, when the face is culled.
