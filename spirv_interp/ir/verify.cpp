@@ -22,6 +22,7 @@ class Verifier {
     for (at_ = 1; at_ < f_.insts.size() && error_.empty(); ++at_) {
       const Inst& i = f_.insts[at_];
       if (i.op == Op::Nop || i.op >= Op::kCount) fail("not an operation");
+      else if (i.type > Type::Tuple || i.rate > Rate::Lane) fail("no such type or rate");
       else if (uint64_t(i.firstOperand) + i.operandCount > f_.operandPool.size()) fail("operands outside the pool");
       else if (count(i) && scoping(i) && result(i) && operands(i)) structure(i);
       region_[at_] = stack_.back().region;
@@ -182,7 +183,7 @@ class Verifier {
                      "value outside the plane's element");
       case Op::Atomic:
       case Op::SharedAtomic: return check(high < std::size(kAtomicNames), "no such atomic operation");
-      case Op::ImageOp: return check(i.imm < f_.imageOps.size(), "no such image operation");
+      case Op::ImageOp: return check(i.imm < f_.imageOps.size(), "no such image operation") && image(i, f_.imageOps[i.imm]);
       case Op::Descriptor: return true;
       case Op::TupleGet:
         return check(f_.insts[f_.operands(i)[0]].op != Op::Descriptor || i.imm < 2, "no such component");
@@ -202,6 +203,24 @@ class Verifier {
       case Op::SharedStore: return check(high == 0, "immediate out of range");
       default: return true;
     }
+  }
+
+  // Whoever expands an image operation may rely on the operands that its description promises.
+  bool image(const Inst& i, const ImageOpInfo& info) {
+    if (info.kind > ImageKind::QuerySamples || info.dim > ImageDim::SubpassData || info.atomic > AtomicOp::Store ||
+        info.texelType > Type::F64)
+      return fail("no such image operation");
+    const bool query = info.kind >= ImageKind::QuerySize && info.kind != ImageKind::QueryLod;
+    const unsigned dimensions = imageDimensions(info.dim);
+    unsigned want = query ? 2 : 2 + dimensions + info.arrayed;
+    constexpr ImageOperands kSingle[] = {kImageDref, kImageBias, kImageLod, kImageSample, kImageMinLod, kImageGatherComponent};
+    for (ImageOperands o : kSingle) want += (info.operands & o) != 0;
+    if (info.operands & kImageGrad) want += 2 * dimensions;
+    if (info.operands & kImageOffset) want += dimensions;
+    if (info.operands & kImageOffsets) want += 8;
+    if (info.kind == ImageKind::Write) want += 4;
+    if (i.operandCount < want || type(i, 0) != Type::I32 || type(i, 1) != Type::I32) return fail("wrong operands");
+    return true;
   }
 
   void openRegion(Op op) {

@@ -148,6 +148,20 @@ class Evaluator {
         if (at <= args[2] && bytes <= args[2] - at) std::memcpy(reinterpret_cast<void*>(args[0] + at), &args[3], bytes);
         return;
       }
+      case Op::LocalAlloc: return;
+      case Op::LocalLoad: {
+        const std::vector<uint8_t>& memory = local(o[0], l);
+        const uint64_t at = uint64_t(uint32_t(args[1])) + i.imm, bytes = typeBytes(i.type);
+        r = 0;
+        if (at <= memory.size() && bytes <= memory.size() - at) std::memcpy(&r, memory.data() + at, bytes);
+        return;
+      }
+      case Op::LocalStore: {
+        std::vector<uint8_t>& memory = local(o[0], l);
+        const uint64_t at = uint64_t(uint32_t(args[1])) + i.imm, bytes = typeBytes(f_.type(o[2]));
+        if (at <= memory.size() && bytes <= memory.size() - at) std::memcpy(memory.data() + at, &args[2], bytes);
+        return;
+      }
       case Op::QuadSwizzle: r = values_[o[0]][quad + (i.imm >> (l & 3) * 2 & 3)]; return;
       case Op::QuadDdx:
       case Op::QuadDdy: {
@@ -178,8 +192,15 @@ class Evaluator {
     return r;
   }
 
+  std::vector<uint8_t>& local(Value alloc, size_t lane) {
+    std::vector<uint8_t>& memory = local_[{alloc, lane}];
+    memory.resize(f_.insts[alloc].imm);
+    return memory;
+  }
+
   const Function& f_;
   Evaluation& e_;
+  std::map<std::pair<Value, size_t>, std::vector<uint8_t>> local_;
   std::vector<Row> values_, vars_;
   Mask mask_;
   std::vector<Construct> stack_;

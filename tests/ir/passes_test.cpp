@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <random>
 
 #include "spirv_interp/ir/pass_list.h"
@@ -377,7 +378,7 @@ std::map<uint32_t, Row> outputsOf(const Function& f, uint32_t seed) {
 
 TEST(Optimise, randomProgramsComputeTheSame) {
   size_t before = 0, after = 0;
-  for (uint32_t seed = 0; seed < 500; ++seed) {
+  for (uint32_t seed = 0; seed < 300; ++seed) {
     const std::string text = Program(seed).text();
     Function f = parsed(text);
     before += f.insts.size();
@@ -398,6 +399,63 @@ TEST(Optimise, randomProgramsComputeTheSame) {
     ASSERT_EQ(print(again), print(f));
   }
   EXPECT_LT(after * 3, before * 2) << "at least a third of the instructions should vanish";
+}
+
+// A function may come from a cache file that anybody wrote: the verifier must stand anything, and what it lets
+// through must not harm the passes.
+TEST(Verify, corruptedFunctionsAreRefusedOrHarmless) {
+  std::mt19937 random(11);
+  size_t accepted = 0;
+  for (uint32_t seed = 0; seed < 3000; ++seed) {
+    Function f = parsed(Program(seed % 50).text());
+    for (unsigned k = 0, n = 1 + random() % 3; k < n; ++k) {
+      Inst& i = f.insts[random() % f.insts.size()];
+      switch (random() % 7) {
+        case 0: i.op = Op(random() % (unsigned(Op::kCount) + 3)); break;
+        case 1: i.type = Type(random() % 12); break;
+        case 2: i.firstOperand = random() % 4 ? random() % 200 : uint32_t(random()); break;
+        case 3: i.operandCount = random() % 4 ? random() % 5 : uint32_t(random()); break;
+        case 4: i.imm = random() % 2 ? random() % 5 : uint64_t(random()) << 32; break;
+        case 5: f.operandPool[random() % f.operandPool.size()] = uint32_t(random() % (f.insts.size() + 9)); break;
+        case 6: std::swap(i, f.insts[random() % f.insts.size()]); break;
+      }
+    }
+    if (!verify(f).empty()) continue;
+    ++accepted;
+    optimise(f);
+    ASSERT_EQ(verify(f), "");
+    lowerMath(f, Numerics::F32);
+    ASSERT_EQ(verify(f), "");
+    Function again;
+    std::string error;
+    ASSERT_TRUE(parse(print(f), again, error)) << error;
+  }
+  EXPECT_GT(accepted, 100u);
+}
+
+TEST(Optimise, fiftyThousandInstructionsTakeLittleTime) {
+  Function f;
+  Builder b(f);
+  std::vector<Value> vars;
+  for (int k = 0; k < 200; ++k) vars.push_back(b.var(Type::I32));
+  std::mt19937 random(1);
+  const Value m = b.input(Type::Mask, 0);
+  while (f.insts.size() < 50000) {
+    const bool nested = random() % 8 == 0;
+    if (nested) b.beginIf(m);
+    for (unsigned k = 0; k < 10; ++k) {
+      const Value x = b.get(vars[random() % vars.size()]), y = b.get(vars[random() % vars.size()]);
+      b.set(vars[random() % vars.size()], b.iadd(b.xor_(x, b.i32(uint32_t(random()))), y));
+    }
+    if (nested) b.endIf();
+  }
+  for (size_t k = 0; k < vars.size(); ++k) b.output(uint32_t(k), b.get(vars[k]));
+  const auto start = std::chrono::steady_clock::now();
+  optimise(f);
+  const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::printf("    %.1f ms\n", took * 1e3);
+  EXPECT_EQ(verify(f), "");
+  EXPECT_LT(took, 2.0);
 }
 
 }  // namespace

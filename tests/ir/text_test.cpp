@@ -35,7 +35,7 @@ TEST(Text, printedTextParsesBackToTheSameText) {
     tile.store 1:16+4 %6
   endif
   %18 = atomic i32 smax+4 %5, %4, %5, %2
-  %19 = image tuple {gather 2d arrayed implicit signed operands=257 image=3 sampler=4 texel=i32 format=7} %2, %2, %6, %6, %6, %6
+  %19 = image tuple {gather 2d arrayed implicit signed operands=257 image=3 sampler=4 texel=i32 format=7} %2, %2, %6, %6, %6, %6, %2
   %20 = tuple.get i32 2 %19
   %21 = shader.input f32 5:2 %6, %6
   shader.output 0:3 %21
@@ -61,7 +61,7 @@ TEST(Text, errorsNameTheLine) {
   std::string error;
   for (const char* text : {"%1 = const f32 1\n%2 = bogus f32 %1", "%1 = const f32 1\n%2 = fneg f32 %9",
                            "%1 = const f32 1\n%1 = fneg f32 %1", "\nfneg f32", "\n%2 = fneg f33",
-                           "\n%2 = const i8 256", "\n%2 = table.load i32 pull+3 %1", "\nbreak x", "\nendif 3",
+                           "\n%2 = const i8 256", "\n%2 = table.load i32 pull+3 %1", "\nbreak x", "\nendif 3", "\n%2 = table.load i32 set8+3 %1",
                            "\n%2 = image tuple {sample 2d frobnicated}"}) {
     EXPECT_FALSE(parse(text, f, error)) << text;
     EXPECT_EQ(error.substr(0, 7), "line 2:") << error;
@@ -92,8 +92,9 @@ TEST(Verify, typesMustFit) {
         "%x = feq mask %f, %i", "%x = select f32 %m, %f, %i", "%x = select f32 %i, %f, %f", "%x = ftos f32 %f",
         "%x = trunc i64 %i", "%x = sext i32 %l", "%x = bitcast i64 %f", "%x = var.get f32 %f", "%x = var.get i32 %v",
         "var.set %v, %i", "if %i\nendif", "%x = load f32 %i, %i, %l", "%x = load mask %l, %i, %l", "store %l, %i, %l, %m",
-        "%x = umulhi i64 %l, %l", "%x = quad.ddx f32 2 %f", "%x = table.load f32 set9+0 %i", "%x = tuple.get f32 0 %f",
-        "%x = descriptor tuple 0 %i\n%y = tuple.get i64 2 %x", "tile.store 0:4+1 %f", "%x = tile.load f64 0:4 ", "%x = local.load f32 %i, %i"})
+        "%x = umulhi i64 %l, %l", "%x = quad.ddx f32 2 %f", "%x = tuple.get f32 0 %f",
+        "%x = descriptor tuple 0 %i\n%y = tuple.get i64 2 %x", "tile.store 0:4+1 %f", "%x = tile.load f64 0:4 ", "%x = local.load f32 %i, %i",
+        "%x = image tuple {sample 3d arrayed operands=4 image=0 sampler=0 texel=f32} %i, %i, %f, %f, %f, %f"})
     EXPECT_NE(verdict(head + bad), "") << bad;
   for (const char* good :
        {"%x = fadd f32 %f, %f", "%x = feq mask %f, %f", "%x = select mask %m, %m, %m", "%x = ftos i8 %f",
