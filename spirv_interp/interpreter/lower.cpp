@@ -177,7 +177,7 @@ class Lowering {
     }
 
     const ir::OpInfo& info = ir::opInfo(i.op);
-    if (values.size() > kMaxOperands) return fail(v, "is not an operation of the interpreter");
+    if (values.size() > kMaxOperands || (values.empty() && i.type == Type::None)) return fail(v, "the interpreter cannot run this");
     if (info.operands == ir::OperandRule::Cvt) {
       const Kernel kernel = k_.convert[unsigned(i.op)][unsigned(f_.type(values[0]))][unsigned(i.type)];
       if (!kernel) return fail(v, "the interpreter has no kernel for these types");
