@@ -147,22 +147,27 @@ void findVariables(const Function& f, Analysis& a) {
     for (Value o : f.operands(v)) lastUse[o] = std::max(lastUse[o], std::max(loops.extend(o, v), loops.extend(o, at)));
   }
   std::unordered_map<Value, std::vector<Value>> sets;
-  std::vector<uint32_t> region(n, 0);
-  std::vector<uint32_t> stack{0};
-  uint32_t regions = 0;
-  std::vector<uint8_t> seen(n, 0);
+  // Regions number from 1; `parent` of the function's is 0.
+  std::vector<uint32_t> parent{0, 0}, stack{1}, home(n, 0);
   for (Value v = 1; v < n; v++) {
     const Inst& i = f.insts[v];
     if (i.op == Op::Else || i.op == Op::EndIf || i.op == Op::EndLoop || i.op == Op::EndBlock) stack.pop_back();
-    region[v] = stack.back();
-    if (i.op == Op::If || i.op == Op::Else || i.op == Op::Loop || i.op == Op::Block) stack.push_back(++regions);
-    if (!a.needed[v]) continue;
-    if (i.op == Op::VarSet) sets[f.operands(v)[0]].push_back(v);
-    if ((i.op == Op::VarSet || i.op == Op::VarGet) && !seen[f.operands(v)[0]]) {
+    if (a.needed[v] && (i.op == Op::VarSet || i.op == Op::VarGet)) {
       const Value var = f.operands(v)[0];
-      seen[var] = 1;
-      // Lanes that are active later in this region are active here.
-      a.setFirst[var] = i.op == Op::VarSet && region[v] == region[var];
+      if (i.op == Op::VarSet) sets[var].push_back(v);
+      if (!home[var]) {
+        home[var] = stack.back();
+        a.setFirst[var] = i.op == Op::VarSet;
+      } else if (a.setFirst[var]) {
+        // Lanes that are active later in the region of the first set are active there.
+        uint32_t r = stack.back();
+        while (r && r != home[var]) r = parent[r];
+        a.setFirst[var] = r != 0;
+      }
+    }
+    if (i.op == Op::If || i.op == Op::Else || i.op == Op::Loop || i.op == Op::Block) {
+      parent.push_back(stack.back());
+      stack.push_back(uint32_t(parent.size() - 1));
     }
   }
   for (Value v = 1; v < n; v++) {

@@ -22,7 +22,7 @@ struct Analysis {
   std::vector<NanBits> nan;          //!< of the value; of a var: of all that is stored in it
   std::vector<uint8_t> exposed;      //!< somebody looks at the bits of this float value
   std::vector<uint8_t> aliasesVar;   //!< a var.get that may stand for the variable's row itself
-  std::vector<uint8_t> setFirst;     //!< a var that is set before it is read: needs no zero
+  std::vector<uint8_t> setFirst;     //!< a var that lives within one region and is set there before it is read: needs no zero
 };
 
 Analysis analyse(const ir::Function& f);

@@ -19,8 +19,6 @@ struct Operand {
 class CodeList {
  public:
   Operand newRow(ir::Type type);
-  //! From here on the row is live, though it may be written later.
-  void touch(Operand row) { use(row); }
 
   //! Appends a call and gives its position.
   size_t add(Kernel kernel, Operand dst, std::span<const Operand> src, uint64_t imm = 0);

@@ -12,6 +12,7 @@ namespace {
 using ir::Function, ir::Inst, ir::Op, ir::Type, ir::Value;
 
 constexpr size_t kMaxOperands = 5;
+constexpr size_t kMaxLocalBytes = 64 << 20;   //!< of a row of kMaxLanes
 
 class Lowering {
  public:
@@ -20,6 +21,8 @@ class Lowering {
   Result<Program> run() {
     list_ = &body_;
     rows_.assign(f_.insts.size(), {});
+    for (at_ = 1; at_ < f_.insts.size() && error_.empty(); at_++)
+      if (a_.needed[at_]) storage(at_);
     for (at_ = 1; at_ < f_.insts.size() && error_.empty(); at_++)
       if (a_.needed[at_] && !a_.uniform[at_]) instruction(at_);
     const size_t end = body_.add(control(Control::End), {}, {});
@@ -114,17 +117,28 @@ class Lowering {
 
   // --- instructions
 
+  //! Variables and local memory are zero at the start of the routine, wherever they stand.
+  void storage(Value v) {
+    const Inst& i = f_.insts[v];
+    if (i.op == Op::Var) {
+      const Operand r = define(v);
+      if (!a_.setFirst[v]) list_->add(k(Internal::Zero, i.type), r, {});
+    } else if (i.op == Op::LocalAlloc) {
+      local_.resize(f_.insts.size(), 0);
+      local_[v] = uint32_t(program_.localBytes);
+      list_->add(k_.op[unsigned(i.op)][unsigned(Type::I32)][0], {}, {Operand{}, Operand{}, Operand{}, raw(local_[v])}, i.imm);
+      program_.localBytes += (i.imm + 3) / 4 * 4 * kMaxLanes;
+      if (program_.localBytes > kMaxLocalBytes) fail(v, "too much local memory");
+    }
+  }
+
   void instruction(Value v) {
     const Inst& i = f_.insts[v];
     const auto values = f_.operands(v);
     switch (i.op) {
       case Op::Nop: return;
-      case Op::Var: {
-        const Operand r = define(v);
-        if (a_.setFirst[v]) list_->touch(r);
-        else list_->add(k(Internal::Zero, i.type), r, {});
-        return;
-      }
+      case Op::Var:
+      case Op::LocalAlloc: return;   // done at the start
       case Op::VarGet:
         if (a_.aliasesVar[v]) rows_[v] = row(values[0]);
         else list_->add(k(Internal::Copy, i.type), define(v), {row(values[0])});
@@ -152,14 +166,6 @@ class Lowering {
         const bool keep = a_.nan[v] == NanBits::Kept;
         const Operands src{operand(values[0]), keep ? settled(values[1]) : operand(values[1]), keep ? settled(values[2]) : operand(values[2])};
         return call(i.op, i.type, define(v), src, 3);
-      }
-      case Op::LocalAlloc: {
-        local_.resize(f_.insts.size(), 0);
-        local_[v] = uint32_t(program_.localBytes);
-        list_->add(k_.op[unsigned(i.op)][unsigned(Type::I32)][0], {}, {Operand{}, Operand{}, Operand{}, raw(local_[v])}, i.imm);
-        program_.localBytes += (i.imm + 3) / 4 * 4 * kMaxLanes;
-        if (program_.localBytes > (64u << 20)) fail(v, "too much local memory");
-        return;
       }
       case Op::LocalLoad:
         return localAccess(i.op, i.type, values[0], define(v), {materialise(operand(values[1]))}, i.imm);

@@ -176,7 +176,7 @@ class Reference {
         case Op::Const: value[v] = i.imm; break;
         case Op::Input: value[v] = run_.inputs[i.imm].get(i.type, lane); break;
         case Op::UniformInput: value[v] = uniforms_[i.imm / 8] & ir::allOnes(i.type); break;
-        case Op::Var: value[v] = 0; break;
+        case Op::Var: break;   // zero at the start of the routine
         case Op::VarGet: value[v] = value[o[0]]; break;
         case Op::VarSet: value[o[0]] = value[o[1]]; break;
         case Op::ExecMask: value[v] = 1; break;
@@ -256,11 +256,11 @@ void check(uint64_t seed, bool optimise) {
 }
 
 TEST(RandomPrograms, giveTheBitsOfTheOneLaneReferenceOnEveryTarget) {
-  for (uint64_t seed = 1; seed <= 1500 && !testing::Test::HasFailure(); seed++) check(seed, false);
+  for (uint64_t seed = 1; seed <= 700 && !testing::Test::HasFailure(); seed++) check(seed, false);
 }
 
 TEST(RandomPrograms, giveTheSameBitsAfterThePasses) {
-  for (uint64_t seed = 5001; seed <= 6000 && !testing::Test::HasFailure(); seed++) check(seed, true);
+  for (uint64_t seed = 5001; seed <= 5500 && !testing::Test::HasFailure(); seed++) check(seed, true);
 }
 
 }  // namespace
