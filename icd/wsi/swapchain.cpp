@@ -1,0 +1,210 @@
+#include "icd/wsi/swapchain.h"
+
+#include <sys/mman.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "base/log.h"
+#include "entrypoints.h"
+#include "icd/queue.h"
+#include "icd/wsi/window_system.h"
+
+namespace pumice::icd {
+
+struct SwapchainImage {
+  Image image;
+  bool busy = false;   //!< acquired by the application, or waiting to be shown
+};
+
+//! Flags and counters are guarded by the device's SyncHub.
+struct Swapchain {
+  Device* device = nullptr;
+  const VkIcdSurfaceBase* surface = nullptr;
+  VkExtent2D extent{};
+  bool fifo = true;
+  std::unique_ptr<Window> window;              //!< null: headless
+  std::vector<SwapchainImage> images;
+  std::byte* memory = nullptr;
+  uint64_t memoryBytes = 0, imageBytes = 0;
+  uint32_t pending = 0;                        //!< presents on their way
+  bool retired = false, resized = false, lost = false;
+
+  ~Swapchain() {
+    if (memory) munmap(memory, memoryBytes);
+  }
+  VkResult status() const { return lost ? VK_ERROR_SURFACE_LOST_KHR : retired || resized ? VK_ERROR_OUT_OF_DATE_KHR : VK_SUCCESS; }
+  void present(SyncHub& hub, uint32_t index);
+};
+
+std::byte* swapchainImageData(VkSwapchainKHR handle, uint32_t index) { return from(handle)->images[index].image.data; }
+
+// On the queue's thread.
+void Swapchain::present(SyncHub& hub, uint32_t index) {
+  bool alive = true, fits = true;
+  if (window) {
+    if (fifo) window->throttle();
+    PresentBuffer buffer = window->acquire(extent);
+    alive = buffer.rows;
+    if (alive) {
+      texture::presentRows(device->pool, images[index].image.memory(), buffer.rows, buffer.pitch, extent);
+      alive = window->show(extent);
+    }
+    if (alive) {
+      WindowState state = window->state();
+      alive = state.alive;
+      fits = state.extent.width == ~0u || (state.extent.width == extent.width && state.extent.height == extent.height);
+    }
+  }
+  hub.update([&] {
+    images[index].busy = false;
+    pending--;
+    lost |= !alive;
+    resized |= !fits;
+  });
+}
+
+namespace {
+
+SyncHub& hub(const Swapchain& s) { return s.device->queue.worker->hub(); }
+
+VkImageCreateInfo imageInfo(const VkSwapchainCreateInfoKHR& info) {
+  VkImageCreateInfo image{VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO};
+  image.imageType = VK_IMAGE_TYPE_2D;
+  image.format = info.imageFormat;
+  image.extent = {info.imageExtent.width, info.imageExtent.height, 1};
+  image.mipLevels = 1;
+  image.arrayLayers = info.imageArrayLayers;
+  image.samples = VK_SAMPLE_COUNT_1_BIT;
+  image.tiling = VK_IMAGE_TILING_OPTIMAL;
+  image.usage = info.imageUsage;
+  return image;
+}
+
+VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
+  s.surface = reinterpret_cast<const VkIcdSurfaceBase*>(info.surface);
+  s.extent = info.imageExtent;
+  s.fifo = info.presentMode == VK_PRESENT_MODE_FIFO_KHR || info.presentMode == VK_PRESENT_MODE_FIFO_RELAXED_KHR;
+  texture::ImageLayout layout = texture::imageLayout(imageInfo(info));
+  if (!layout.format || !layout.size) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  // MAILBOX wants one image to be shown, one queued and one to draw.
+  uint32_t count = std::max(info.minImageCount, info.presentMode == VK_PRESENT_MODE_MAILBOX_KHR ? 3u : 2u);
+  s.imageBytes = (layout.size + 4095) & ~uint64_t(4095);
+  s.memoryBytes = s.imageBytes * count;
+  void* memory = mmap(nullptr, s.memoryBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  s.memory = static_cast<std::byte*>(memory);
+  s.images.resize(count);
+  for (uint32_t i = 0; i < count; i++) {
+    Image& image = s.images[i].image;
+    image.layout = layout;
+    image.usage = info.imageUsage;
+    image.format = info.imageFormat;
+    image.data = s.memory + i * s.imageBytes;
+  }
+  if (s.surface->platform != VK_ICD_WSI_PLATFORM_HEADLESS) {
+    s.window = openWindow(*s.surface, s.fifo);
+    if (!s.window) return VK_ERROR_SURFACE_LOST_KHR;
+  }
+  return VK_SUCCESS;
+}
+
+VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore, VkFence fence, uint32_t* index) {
+  Swapchain& s = *from(handle);
+  VkResult result = VK_SUCCESS;
+  auto ready = [&] {
+    if ((result = s.status()) != VK_SUCCESS) return true;
+    for (uint32_t i = 0; i < s.images.size(); i++)
+      if (!s.images[i].busy) {
+        s.images[i].busy = true;
+        *index = i;
+        // Whoever read the image has finished: it is ours at once.
+        if (semaphore) from(semaphore)->value = 1;
+        if (fence) from(fence)->signaled = true;
+        return true;
+      }
+    return false;
+  };
+  if (!hub(s).wait(timeout, ready)) return timeout ? VK_TIMEOUT : VK_NOT_READY;
+  if (result == VK_SUCCESS && (semaphore || fence)) hub(s).update([] {});
+  return result;
+}
+
+}  // namespace
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateSwapchainKHR(VkDevice handle, const VkSwapchainCreateInfoKHR* info, const VkAllocationCallbacks* callbacks, VkSwapchainKHR* out) {
+  Device& device = *from(handle);
+  if (Swapchain* old = from(info->oldSwapchain)) hub(*old).update([&] { old->retired = true; });
+  auto* swapchain = device.make<Swapchain>(callbacks);
+  if (!swapchain) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  swapchain->device = &device;
+  VkResult result;
+  try {
+    result = build(*swapchain, *info);
+  } catch (const std::bad_alloc&) {
+    result = VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  if (result != VK_SUCCESS) {
+    device.destroy(callbacks, swapchain);
+    return result;
+  }
+  *out = to<VkSwapchainKHR>(swapchain);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroySwapchainKHR(VkDevice device, VkSwapchainKHR handle, const VkAllocationCallbacks* callbacks) {
+  if (Swapchain* s = from(handle)) {
+    hub(*s).wait(~0ull, [&] { return !s->pending; });
+    from(device)->destroy(callbacks, s);
+  }
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetSwapchainImagesKHR(VkDevice, VkSwapchainKHR handle, uint32_t* count, VkImage* out) {
+  Swapchain& s = *from(handle);
+  return enumerate(uint32_t(s.images.size()), count, out, [&](uint32_t i, VkImage& image) { image = to<VkImage>(&s.images[i].image); });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImageKHR(VkDevice, VkSwapchainKHR swapchain, uint64_t timeout, VkSemaphore semaphore, VkFence fence, uint32_t* index) {
+  return acquire(swapchain, timeout, semaphore, fence, index);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImage2KHR(VkDevice, const VkAcquireNextImageInfoKHR* info, uint32_t* index) {
+  return acquire(info->swapchain, info->timeout, info->semaphore, info->fence, index);
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentInfoKHR* info) {
+  QueueWorker& worker = *from(queue)->worker;
+  struct Item {
+    Swapchain* swapchain;
+    uint32_t index;
+  };
+  std::vector<Item> items;
+  VkResult result = VK_SUCCESS;
+  try {
+    Submission submission;
+    for (uint32_t i = 0; i < info->waitSemaphoreCount; i++) submission.waits.push_back({from(info->pWaitSemaphores[i]), 1});
+    for (uint32_t i = 0; i < info->swapchainCount; i++) {
+      Swapchain* s = from(info->pSwapchains[i]);
+      items.push_back({s, info->pImageIndices[i]});
+      // Shown all the same: a window of another size shows what fits.
+      VkResult one = worker.hub().read([&] {
+        s->pending++;
+        return s->lost ? VK_ERROR_SURFACE_LOST_KHR : s->retired || s->resized ? VK_SUBOPTIMAL_KHR : VK_SUCCESS;
+      });
+      if (info->pResults) info->pResults[i] = one;
+      if (one < result || (result == VK_SUCCESS && one != VK_SUCCESS)) result = one;
+    }
+    submission.work = [items, &worker] {
+      for (const Item& item : items) item.swapchain->present(worker.hub(), item.index);
+    };
+    if (!worker.submit(std::move(submission))) throw std::bad_alloc();
+  } catch (const std::bad_alloc&) {
+    worker.hub().update([&] {
+      for (const Item& item : items) item.swapchain->pending--;
+    });
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
+  return result;
+}
+
+}  // namespace pumice::icd

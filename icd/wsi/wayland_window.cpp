@@ -1,0 +1,148 @@
+// Wayland surfaces: wl_shm buffers on an event queue of our own, so that the application's events stay its own.
+#include <sys/mman.h>
+#include <unistd.h>
+#include <wayland-client.h>
+
+#include <cstring>
+
+#include "base/log.h"
+#include "icd/vulkan.h"
+#include "icd/wsi/window_system.h"
+
+namespace pumice::icd {
+namespace {
+
+class WaylandWindow final : public Window {
+ public:
+  WaylandWindow(wl_display* display, wl_surface* surface, bool fifo) : display_(display), fifo_(fifo) {
+    queue_ = wl_display_create_queue(display_);
+    // Wrappers send to the same objects but deliver new objects' events to our queue.
+    auto* displayWrapper = static_cast<wl_display*>(wl_proxy_create_wrapper(display_));
+    surface_ = static_cast<wl_surface*>(wl_proxy_create_wrapper(surface));
+    if (!queue_ || !displayWrapper || !surface_) return;
+    wl_proxy_set_queue(reinterpret_cast<wl_proxy*>(displayWrapper), queue_);
+    wl_proxy_set_queue(reinterpret_cast<wl_proxy*>(surface_), queue_);
+    registry_ = wl_display_get_registry(displayWrapper);
+    wl_proxy_wrapper_destroy(displayWrapper);
+    static const wl_registry_listener kListener = {
+        [](void* data, wl_registry* registry, uint32_t name, const char* interface, uint32_t) {
+          auto* self = static_cast<WaylandWindow*>(data);
+          if (!std::strcmp(interface, wl_shm_interface.name)) self->shm_ = static_cast<wl_shm*>(wl_registry_bind(registry, name, &wl_shm_interface, 1));
+        },
+        [](void*, wl_registry*, uint32_t) {}};
+    wl_registry_add_listener(registry_, &kListener, this);
+    wl_display_roundtrip_queue(display_, queue_);
+  }
+
+  ~WaylandWindow() override {
+    for (Buffer& b : buffers_) release(b);
+    if (frame_) wl_callback_destroy(frame_);
+    if (shm_) wl_shm_destroy(shm_);
+    if (registry_) wl_registry_destroy(registry_);
+    if (surface_) wl_proxy_wrapper_destroy(surface_);
+    if (queue_) wl_event_queue_destroy(queue_);
+  }
+
+  bool usable() const { return shm_; }
+  WindowState state() override { return {}; }
+
+  PresentBuffer acquire(VkExtent2D extent) override {
+    Buffer* free = nullptr;
+    while (!(free = freeBuffer()))
+      if (wl_display_dispatch_queue(display_, queue_) < 0) return {};
+    current_ = free;
+    if (free->extent.width != extent.width || free->extent.height != extent.height) {
+      release(*free);
+      if (!allocate(*free, extent)) return {};
+    }
+    return {free->rows, extent.width * 4};
+  }
+
+  // The compositor asks for a frame when it shows one: FIFO waits for that.
+  void throttle() override {
+    while (frame_)
+      if (wl_display_dispatch_queue(display_, queue_) < 0) return;
+  }
+
+  bool show(VkExtent2D extent) override {
+    if (fifo_) {
+      static const wl_callback_listener kListener = {[](void* data, wl_callback* callback, uint32_t) {
+        wl_callback_destroy(callback);
+        static_cast<WaylandWindow*>(data)->frame_ = nullptr;
+      }};
+      frame_ = wl_surface_frame(surface_);
+      wl_callback_add_listener(frame_, &kListener, this);
+    }
+    wl_surface_attach(surface_, current_->buffer, 0, 0);
+    wl_surface_damage(surface_, 0, 0, int32_t(extent.width), int32_t(extent.height));
+    wl_surface_commit(surface_);
+    current_->busy = true;
+    return wl_display_flush(display_) >= 0 || errno == EAGAIN;
+  }
+
+ private:
+  struct Buffer {
+    wl_buffer* buffer = nullptr;
+    std::byte* rows = nullptr;
+    size_t bytes = 0;
+    VkExtent2D extent{};
+    bool busy = false;
+  };
+
+  Buffer* freeBuffer() {
+    wl_display_dispatch_queue_pending(display_, queue_);
+    for (Buffer& b : buffers_)
+      if (!b.busy) return &b;
+    return nullptr;
+  }
+
+  bool allocate(Buffer& b, VkExtent2D extent) {
+    size_t bytes = size_t(extent.width) * extent.height * 4;
+    int file = memfd_create("pumice-frame", MFD_CLOEXEC);
+    if (file < 0) return false;
+    void* rows = ftruncate(file, off_t(bytes)) ? MAP_FAILED : mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    if (rows == MAP_FAILED) {
+      close(file);
+      return false;
+    }
+    wl_shm_pool* pool = wl_shm_create_pool(shm_, file, int32_t(bytes));
+    close(file);
+    b.buffer = wl_shm_pool_create_buffer(pool, 0, int32_t(extent.width), int32_t(extent.height), int32_t(extent.width * 4), WL_SHM_FORMAT_XRGB8888);
+    wl_shm_pool_destroy(pool);
+    b.rows = static_cast<std::byte*>(rows);
+    b.bytes = bytes;
+    b.extent = extent;
+    static const wl_buffer_listener kListener = {[](void* data, wl_buffer*) { static_cast<Buffer*>(data)->busy = false; }};
+    wl_buffer_add_listener(b.buffer, &kListener, &b);
+    return true;
+  }
+
+  void release(Buffer& b) {
+    if (b.buffer) wl_buffer_destroy(b.buffer);
+    if (b.rows) munmap(b.rows, b.bytes);
+    b = {};
+  }
+
+  wl_display* display_;
+  wl_surface* surface_ = nullptr;
+  wl_event_queue* queue_ = nullptr;
+  wl_registry* registry_ = nullptr;
+  wl_shm* shm_ = nullptr;
+  wl_callback* frame_ = nullptr;
+  bool fifo_;
+  Buffer buffers_[4];
+  Buffer* current_ = nullptr;
+};
+
+}  // namespace
+
+std::unique_ptr<Window> openWaylandWindow(wl_display* display, wl_surface* surface, bool fifo) {
+  auto window = std::make_unique<WaylandWindow>(display, surface, fifo);
+  if (!window->usable()) {
+    base::logError("the Wayland compositor offers no wl_shm");
+    return nullptr;
+  }
+  return window;
+}
+
+}  // namespace pumice::icd
