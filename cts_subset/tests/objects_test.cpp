@@ -232,12 +232,24 @@ TEST_P(Objects, RenderAreaAndLoadOperations) {
     };
     VkRenderPass clearing = renderPass(VK_ATTACHMENT_LOAD_OP_CLEAR);
     VkRenderPass loading = renderPass(VK_ATTACHMENT_LOAD_OP_LOAD);
+    VkImageView view = canvas.view(canvas.colourImage());
+    VkFramebufferCreateInfo frame{};
+    frame.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO;
+    frame.renderPass = clearing;
+    frame.attachmentCount = 1;
+    frame.pAttachments = &view;
+    frame.width = 70;
+    frame.height = 50;
+    frame.layers = 1;
+    VkFramebuffer framebuffer = VK_NULL_HANDLE;
+    check(vkCreateFramebuffer(handle(), &frame, nullptr, &framebuffer), "vkCreateFramebuffer");
+    canvas.onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
     device().run([&](VkCommandBuffer commands) {
         VkClearValue clear{{{0, 1, 0, 1}}};
         VkRenderPassBeginInfo pass{};
         pass.sType = VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO;
         pass.renderPass = clearing;
-        pass.framebuffer = canvas.target();
+        pass.framebuffer = framebuffer;
         pass.renderArea = {{13, 7}, {41, 30}};
         pass.clearValueCount = 1;
         pass.pClearValues = &clear;
