@@ -42,10 +42,13 @@ void Translator::visitScalars(uint32_t typeId, uint64_t offset, const MatrixLayo
       for (uint32_t i = 0; i < t.count; i++) visitScalars(t.element, offset + i * stride, layout, explicitLayout, visit);
       break;
     }
-    case TypeInfo::Struct:
+    case TypeInfo::Struct: {
+      uint64_t natural = 0;
       for (uint32_t i = 0; i < t.members.size(); i++) {
         MatrixLayout member;
-        uint64_t memberOffset = naturalOffset(t, i);
+        const TypeInfo& info = type(t.members[i]);
+        uint64_t memberOffset = (natural + info.naturalAlign - 1) / info.naturalAlign * info.naturalAlign;
+        natural = memberOffset + info.naturalSize;
         if (explicitLayout) {
           const Decoration* d = module.findMember(typeId, i, spv::Decoration::Offset);
           if (!d) fail("member %u of type %u has no Offset", i, typeId);
@@ -57,6 +60,7 @@ void Translator::visitScalars(uint32_t typeId, uint64_t offset, const MatrixLayo
         visitScalars(t.members[i], offset + memberOffset, member, explicitLayout, visit);
       }
       break;
+    }
     default: fail("type %u cannot be loaded or stored", typeId);
   }
   if (shader.function.insts.size() > kMaxInstructions) fail("the shader is too large");

@@ -31,6 +31,7 @@ constexpr CapabilityName kCapabilities[] = {
 constexpr uint32_t kHeaderWords = 5;
 // The universal limit of the specification (section 2.17).
 constexpr uint32_t kMaxBound = 0x3fffff;
+constexpr uint64_t kMaxGroupDecorations = 1'000'000;  // they multiply: decorations times targets
 constexpr uint32_t kVersion1_6 = 0x00010600;
 
 bool isTerminator(spv::Op op) {
@@ -119,14 +120,15 @@ void Module::decorate(const Instruction& inst) {
             {spv::Decoration(inst.operand(2)), inst.operands.subspan(3)});
       break;
     case spv::Op::OpGroupDecorate:
-      for (size_t i = 1; i < inst.count(); i++)
+      for (size_t i = 1; i < inst.count() && groupDecorations_ <= kMaxGroupDecorations; i++)
         for (const Decoration& decoration : copyGroup(inst.operand(0)))
-          decorations_[inst.operand(i)].push_back(decoration);
+          if (++groupDecorations_ <= kMaxGroupDecorations) decorations_[inst.operand(i)].push_back(decoration);
       break;
     case spv::Op::OpGroupMemberDecorate:
-      for (size_t i = 1; i + 1 < inst.count(); i += 2)
+      for (size_t i = 1; i + 1 < inst.count() && groupDecorations_ <= kMaxGroupDecorations; i += 2)
         for (const Decoration& decoration : copyGroup(inst.operand(0)))
-          memberDecorations_[uint64_t(inst.operand(i)) << 32 | inst.operand(i + 1)].push_back(decoration);
+          if (++groupDecorations_ <= kMaxGroupDecorations)
+            memberDecorations_[uint64_t(inst.operand(i)) << 32 | inst.operand(i + 1)].push_back(decoration);
       break;
     default:
       break;
@@ -261,6 +263,7 @@ base::Status Module::cut() {
         if (function && !block && function->blocks.empty()) break;  // debug instructions between parameters
         if (function && !block) return base::errorf("SPIR-V: %s outside of a block", opcodeName(inst.op).c_str());
         decorate(inst);
+        if (groupDecorations_ > kMaxGroupDecorations) return base::errorf("SPIR-V: too many group decorations");
         if (!block) break;
         if (inst.op == spv::Op::OpSelectionMerge) block->merge = inst.operand(0);
         if (inst.op == spv::Op::OpLoopMerge) {

@@ -105,6 +105,7 @@ class Module {
   static const Decoration* findIn(std::span<const Decoration> list, spv::Decoration kind);
   void decorate(const Instruction& inst);
 
+  uint64_t groupDecorations_ = 0;
   std::vector<uint32_t> definitions_;  //!< index of the defining instruction + 1
   std::unordered_map<uint32_t, std::vector<Decoration>> decorations_;
   std::unordered_map<uint64_t, std::vector<Decoration>> memberDecorations_;

@@ -87,7 +87,9 @@ class Evaluator {
         stack_.pop_back();
         return v + 1;
       case Op::Loop:
-      case Op::Block: stack_.push_back({i.op, v, Mask(n), Mask(n)}); return v + 1;
+      case Op::Block:
+        stack_.push_back({i.op, v, Mask(n), Mask(n)});
+        return v + 1;
       case Op::EndLoop:
         if (any(mask_)) return stack_.back().start + 1;
         [[fallthrough]];
@@ -107,7 +109,8 @@ class Evaluator {
         mask_ = Mask(n);
         return v + 1;
       }
-      default: break;
+      default:
+        break;
     }
     for (size_t l = 0; l < n; ++l)
       if (mask_[l]) lane(v, i, o, l);
@@ -121,34 +124,54 @@ class Evaluator {
     const auto high = uint32_t(i.imm >> 32), low = uint32_t(i.imm);
     const size_t quad = l & ~size_t(3);
     switch (i.op) {
-      case Op::Const: r = i.imm; return;
-      case Op::Var: return;  // zero at the start of the routine, not of the region
-      case Op::VarGet: r = vars_[o[0]][l]; return;
-      case Op::VarSet: vars_[o[0]][l] = args[1]; return;
-      case Op::Input: r = e_.inputs[low].size() > l ? e_.inputs[low][l] : 0; return;
+      case Op::Const:
+        r = i.imm;
+        return;
+      case Op::Var:
+        return;  // zero at the start of the routine, not of the region
+      case Op::VarGet:
+        r = vars_[o[0]][l];
+        return;
+      case Op::VarSet:
+        vars_[o[0]][l] = args[1];
+        return;
+      case Op::Input:
+        r = e_.inputs[low].size() > l ? e_.inputs[low][l] : 0;
+        return;
       case Op::Output: {
         Row& row = e_.outputs[low];
         row.resize(e_.lanes);
         row[l] = args[0];
         return;
       }
-      case Op::ExecMask: r = 1; return;
-      case Op::LaneId: r = l; return;
-      case Op::UniformInput: r = fromTable(kTableDraw, low, typeBytes(i.type)); return;
-      case Op::TableLoad: r = fromTable(high, uint64_t(low) + uint32_t(args[0]), typeBytes(i.type)); return;
+      case Op::ExecMask:
+        r = 1;
+        return;
+      case Op::LaneId:
+        r = l;
+        return;
+      case Op::UniformInput:
+        r = fromTable(kTableDraw, low, typeBytes(i.type));
+        return;
+      case Op::TableLoad:
+        r = fromTable(high, uint64_t(low) + uint32_t(args[0]), typeBytes(i.type));
+        return;
       case Op::Load:
       case Op::LoadConst: {
         const uint64_t at = args[1] + low, bytes = typeBytes(i.type);
         r = 0;
-        if (at <= args[2] && bytes <= args[2] - at) std::memcpy(&r, reinterpret_cast<const void*>(args[0] + at), bytes);
+        if (at <= args[2] && bytes <= args[2] - at)
+          std::memcpy(&r, reinterpret_cast<const void*>(args[0] + at), bytes);
         return;
       }
       case Op::Store: {
         const uint64_t at = args[1] + low, bytes = typeBytes(f_.type(o[3]));
-        if (at <= args[2] && bytes <= args[2] - at) std::memcpy(reinterpret_cast<void*>(args[0] + at), &args[3], bytes);
+        if (at <= args[2] && bytes <= args[2] - at)
+          std::memcpy(reinterpret_cast<void*>(args[0] + at), &args[3], bytes);
         return;
       }
-      case Op::LocalAlloc: return;
+      case Op::LocalAlloc:
+        return;
       case Op::LocalLoad: {
         const std::vector<uint8_t>& memory = local(o[0], l);
         const uint64_t at = uint64_t(uint32_t(args[1])) + i.imm, bytes = typeBytes(i.type);
@@ -159,10 +182,13 @@ class Evaluator {
       case Op::LocalStore: {
         std::vector<uint8_t>& memory = local(o[0], l);
         const uint64_t at = uint64_t(uint32_t(args[1])) + i.imm, bytes = typeBytes(f_.type(o[2]));
-        if (at <= memory.size() && bytes <= memory.size() - at) std::memcpy(memory.data() + at, &args[2], bytes);
+        if (at <= memory.size() && bytes <= memory.size() - at)
+          std::memcpy(memory.data() + at, &args[2], bytes);
         return;
       }
-      case Op::QuadSwizzle: r = values_[o[0]][quad + (i.imm >> (l & 3) * 2 & 3)]; return;
+      case Op::QuadSwizzle:
+        r = values_[o[0]][quad + (i.imm >> (l & 3) * 2 & 3)];
+        return;
       case Op::QuadDdx:
       case Op::QuadDdy: {
         const bool x = i.op == Op::QuadDdx;
@@ -175,12 +201,13 @@ class Evaluator {
       case Op::SubgroupAll: {
         bool some = false, all = true;
         for (size_t k = 0; k < e_.lanes; ++k)
-          if (mask_[k]) (values_[o[0]][k] & 1 ? some = true : all = false);
+          if (mask_[k]) (values_[o[0]][k]& 1 ? some = true : all = false);
         r = i.op == Op::SubgroupAny ? some : all;
         return;
       }
       default:
-        if (!foldConstant(i.op, i.type, o.empty() ? Type::None : f_.type(o.back()), {args, o.size()}, r) && e_.error.empty())
+        if (!foldConstant(i.op, i.type, o.empty() ? Type::None : f_.type(o.back()), {args, o.size()}, r) &&
+            e_.error.empty())
           e_.error = std::string("not evaluated: ") + opInfo(i.op).text;
     }
   }
