@@ -1,0 +1,1 @@
+target_link_libraries(bench_interpreter PRIVATE pumice_interpreter pumice_ir)
