@@ -10,11 +10,32 @@ namespace {
 
 bool isCommutative(Op op) {
   switch (op) {
-    case Op::FAdd: case Op::FMul: case Op::Fma: case Op::FMin: case Op::FMax: case Op::IAdd: case Op::IMul:
-    case Op::SMulHi: case Op::UMulHi: case Op::And: case Op::Or: case Op::Xor: case Op::SMin: case Op::SMax:
-    case Op::UMin: case Op::UMax: case Op::FEq: case Op::FNe: case Op::IEq: case Op::INe: case Op::MaskAnd:
-    case Op::MaskOr: case Op::MaskXor: return true;
-    default: return false;
+    case Op::FAdd:
+    case Op::FMul:
+    case Op::Fma:
+    case Op::FMin:
+    case Op::FMax:
+    case Op::IAdd:
+    case Op::IMul:
+    case Op::SMulHi:
+    case Op::UMulHi:
+    case Op::And:
+    case Op::Or:
+    case Op::Xor:
+    case Op::SMin:
+    case Op::SMax:
+    case Op::UMin:
+    case Op::UMax:
+    case Op::FEq:
+    case Op::FNe:
+    case Op::IEq:
+    case Op::INe:
+    case Op::MaskAnd:
+    case Op::MaskOr:
+    case Op::MaskXor:
+      return true;
+    default:
+      return false;
   }
 }
 

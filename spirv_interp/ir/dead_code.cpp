@@ -8,17 +8,24 @@ namespace {
 
 bool isRoot(const Function& f, const Inst& i) {
   switch (i.op) {
-    case Op::Var: case Op::VarSet: case Op::LocalAlloc: case Op::LocalStore: return false;
-    case Op::Break: return true;
+    case Op::Var:
+    case Op::VarSet:
+    case Op::LocalAlloc:
+    case Op::LocalStore:
+      return false;
+    case Op::Break:
+      return true;
     case Op::ImageOp: {
       const ImageKind kind = f.imageOps[i.imm].kind;
       return kind == ImageKind::Write || kind == ImageKind::Atomic;
     }
-    default: return (opInfo(i.op).flags & (kEffect | kControl)) == kEffect || (i.flags & kInstVolatile);
+    default:
+      return (opInfo(i.op).flags & (kEffect | kControl)) == kEffect || (i.flags & kInstVolatile);
   }
 }
 
-// Stores to vars that the next store in the same region overwrites: nothing between may read the var or move lanes.
+// Stores to vars that the next store in the same region overwrites: nothing between may read the var or move
+// lanes.
 std::vector<bool> overwrittenStores(const Function& f) {
   std::vector<bool> dead(f.insts.size());
   struct Pending {
@@ -41,20 +48,27 @@ std::vector<bool> overwrittenStores(const Function& f) {
 
 class Marker {
  public:
-  explicit Marker(const Function& f) : f_(f), ends_(regionEnds(f)), live(f.insts.size()), parent_(f.insts.size()), writers_(f.insts.size()) {}
+  explicit Marker(const Function& f)
+      : f_(f),
+        ends_(regionEnds(f)),
+        live(f.insts.size()),
+        parent_(f.insts.size()),
+        writers_(f.insts.size()) {}
 
   void run() {
     const std::vector<bool> overwritten = overwrittenStores(f_);
     std::vector<Value> open{0};
     for (Value v = 1; v < f_.insts.size(); ++v) {
       const Inst& i = f_.insts[v];
-      const bool closes = i.op == Op::Else || i.op == Op::EndIf || i.op == Op::EndLoop || i.op == Op::EndBlock;
+      const bool closes =
+          i.op == Op::Else || i.op == Op::EndIf || i.op == Op::EndLoop || i.op == Op::EndBlock;
       // An else hangs on its if: where it lives, so does the if.
       const Value before = open.back();
       if (closes) open.pop_back();
       parent_[v] = i.op == Op::Else ? before : open.back();
       if (ends_[v]) open.push_back(v);
-      if ((i.op == Op::VarSet || i.op == Op::LocalStore) && !overwritten[v]) writers_[f_.operands(i)[0]].push_back(v);
+      if ((i.op == Op::VarSet || i.op == Op::LocalStore) && !overwritten[v])
+        writers_[f_.operands(i)[0]].push_back(v);
     }
     for (Value v = 1; v < f_.insts.size(); ++v)
       if (isRoot(f_, f_.insts[v])) mark(v);
@@ -85,8 +99,8 @@ class Marker {
   std::vector<bool> live;
 
  private:
-  std::vector<Value> parent_;                 // marker of the region an instruction stands in
-  std::vector<std::vector<Value>> writers_;   // by var or local allocation
+  std::vector<Value> parent_;                // marker of the region an instruction stands in
+  std::vector<std::vector<Value>> writers_;  // by var or local allocation
   std::vector<Value> work_;
 };
 

@@ -24,9 +24,12 @@ uint16_t halfFromDouble(double x) {
 double halfToDouble(uint16_t h) {
   const uint32_t exponent = h >> 10 & 31, mantissa = h & 1023;
   double a;
-  if (exponent == 31) a = mantissa ? NAN : INFINITY;
-  else if (exponent == 0) a = std::ldexp(double(mantissa), -24);
-  else a = std::ldexp(double(mantissa + 1024), int(exponent) - 25);
+  if (exponent == 31)
+    a = mantissa ? NAN : INFINITY;
+  else if (exponent == 0)
+    a = std::ldexp(double(mantissa), -24);
+  else
+    a = std::ldexp(double(mantissa + 1024), int(exponent) - 25);
   return h & 0x8000 ? -a : a;
 }
 
@@ -92,21 +95,50 @@ bool foldFloat(Op op, Type t, std::span<const uint64_t> args, uint64_t& r) {
   const double a = args.size() > 0 ? floatValue(t, args[0]) : 0;
   const double b = args.size() > 1 ? floatValue(t, args[1]) : 0;
   switch (op) {
-    case Op::FAdd: r = floatBits(t, a + b); return true;
-    case Op::FSub: r = floatBits(t, a - b); return true;
-    case Op::FMul: r = floatBits(t, a * b); return true;
-    case Op::FDiv: r = floatBits(t, a / b); return true;
-    case Op::Fma: r = foldFma(t, a, b, floatValue(t, args[2])); return true;
-    case Op::FNeg: r = args[0] ^ signBit(t); return true;
-    case Op::FAbs: r = args[0] & ~signBit(t); return true;
-    case Op::FMin: r = floatBits(t, foldMinMax(a, b, false)); return true;
-    case Op::FMax: r = floatBits(t, foldMinMax(a, b, true)); return true;
-    case Op::FSqrt: r = floatBits(t, std::sqrt(a)); return true;
-    case Op::FFloor: r = floatBits(t, std::floor(a)); return true;
-    case Op::FCeil: r = floatBits(t, std::ceil(a)); return true;
-    case Op::FTrunc: r = floatBits(t, std::trunc(a)); return true;
-    case Op::FRoundEven: r = floatBits(t, std::nearbyint(a)); return true;
-    default: return false;
+    case Op::FAdd:
+      r = floatBits(t, a + b);
+      return true;
+    case Op::FSub:
+      r = floatBits(t, a - b);
+      return true;
+    case Op::FMul:
+      r = floatBits(t, a * b);
+      return true;
+    case Op::FDiv:
+      r = floatBits(t, a / b);
+      return true;
+    case Op::Fma:
+      r = foldFma(t, a, b, floatValue(t, args[2]));
+      return true;
+    case Op::FNeg:
+      r = args[0] ^ signBit(t);
+      return true;
+    case Op::FAbs:
+      r = args[0] & ~signBit(t);
+      return true;
+    case Op::FMin:
+      r = floatBits(t, foldMinMax(a, b, false));
+      return true;
+    case Op::FMax:
+      r = floatBits(t, foldMinMax(a, b, true));
+      return true;
+    case Op::FSqrt:
+      r = floatBits(t, std::sqrt(a));
+      return true;
+    case Op::FFloor:
+      r = floatBits(t, std::floor(a));
+      return true;
+    case Op::FCeil:
+      r = floatBits(t, std::ceil(a));
+      return true;
+    case Op::FTrunc:
+      r = floatBits(t, std::trunc(a));
+      return true;
+    case Op::FRoundEven:
+      r = floatBits(t, std::nearbyint(a));
+      return true;
+    default:
+      return false;
   }
 }
 
@@ -122,31 +154,82 @@ bool foldInt(Op op, Type t, std::span<const uint64_t> args, uint64_t& r) {
   const int64_t sa = asSigned(t, a), sb = asSigned(t, b);
   const unsigned shift = unsigned(b & (bits - 1));
   switch (op) {
-    case Op::IAdd: r = a + b; break;
-    case Op::ISub: r = a - b; break;
-    case Op::IMul: r = a * b; break;
-    case Op::SMulHi: if (bits > 32) return false; r = uint64_t((sa * sb) >> bits); break;
-    case Op::UMulHi: if (bits > 32) return false; r = (a * b) >> bits; break;
-    case Op::SDiv: r = sb == 0 ? ~uint64_t(0) : sb == -1 ? 0 - a : uint64_t(sa / sb); break;
-    case Op::UDiv: r = b == 0 ? ~uint64_t(0) : a / b; break;
-    case Op::SRem: r = sb == 0 ? a : sb == -1 ? 0 : uint64_t(sa % sb); break;
-    case Op::URem: r = b == 0 ? a : a % b; break;
-    case Op::And: r = a & b; break;
-    case Op::Or: r = a | b; break;
-    case Op::Xor: r = a ^ b; break;
-    case Op::Not: r = ~a; break;
-    case Op::Shl: r = a << shift; break;
-    case Op::LShr: r = a >> shift; break;
-    case Op::AShr: r = uint64_t(sa >> shift); break;
-    case Op::SMin: r = sa < sb ? a : b; break;
-    case Op::SMax: r = sa > sb ? a : b; break;
-    case Op::UMin: r = a < b ? a : b; break;
-    case Op::UMax: r = a > b ? a : b; break;
-    case Op::PopCount: r = uint64_t(std::popcount(a)); break;
-    case Op::BitReverse: r = reverseBits(a, bits); break;
-    case Op::FindMsb: r = a ? 63 - uint64_t(std::countl_zero(a)) : ~uint64_t(0); break;
-    case Op::FindLsb: r = a ? uint64_t(std::countr_zero(a)) : ~uint64_t(0); break;
-    default: return false;
+    case Op::IAdd:
+      r = a + b;
+      break;
+    case Op::ISub:
+      r = a - b;
+      break;
+    case Op::IMul:
+      r = a * b;
+      break;
+    case Op::SMulHi:
+      if (bits > 32) return false;
+      r = uint64_t((sa * sb) >> bits);
+      break;
+    case Op::UMulHi:
+      if (bits > 32) return false;
+      r = (a * b) >> bits;
+      break;
+    case Op::SDiv:
+      r = sb == 0 ? ~uint64_t(0) : sb == -1 ? 0 - a : uint64_t(sa / sb);
+      break;
+    case Op::UDiv:
+      r = b == 0 ? ~uint64_t(0) : a / b;
+      break;
+    case Op::SRem:
+      r = sb == 0 ? a : sb == -1 ? 0 : uint64_t(sa % sb);
+      break;
+    case Op::URem:
+      r = b == 0 ? a : a % b;
+      break;
+    case Op::And:
+      r = a & b;
+      break;
+    case Op::Or:
+      r = a | b;
+      break;
+    case Op::Xor:
+      r = a ^ b;
+      break;
+    case Op::Not:
+      r = ~a;
+      break;
+    case Op::Shl:
+      r = a << shift;
+      break;
+    case Op::LShr:
+      r = a >> shift;
+      break;
+    case Op::AShr:
+      r = uint64_t(sa >> shift);
+      break;
+    case Op::SMin:
+      r = sa < sb ? a : b;
+      break;
+    case Op::SMax:
+      r = sa > sb ? a : b;
+      break;
+    case Op::UMin:
+      r = a < b ? a : b;
+      break;
+    case Op::UMax:
+      r = a > b ? a : b;
+      break;
+    case Op::PopCount:
+      r = uint64_t(std::popcount(a));
+      break;
+    case Op::BitReverse:
+      r = reverseBits(a, bits);
+      break;
+    case Op::FindMsb:
+      r = a ? 63 - uint64_t(std::countl_zero(a)) : ~uint64_t(0);
+      break;
+    case Op::FindLsb:
+      r = a ? uint64_t(std::countr_zero(a)) : ~uint64_t(0);
+      break;
+    default:
+      return false;
   }
   r &= allOnes(t);
   return true;
@@ -156,32 +239,72 @@ bool foldCompare(Op op, Type t, uint64_t a, uint64_t b, uint64_t& r) {
   const double fa = isFloat(t) ? floatValue(t, a) : 0, fb = isFloat(t) ? floatValue(t, b) : 0;
   const int64_t sa = isInt(t) ? asSigned(t, a) : 0, sb = isInt(t) ? asSigned(t, b) : 0;
   switch (op) {
-    case Op::FEq: r = fa == fb; return true;
-    case Op::FNe: r = !(fa == fb); return true;
-    case Op::FLt: r = fa < fb; return true;
-    case Op::FLe: r = fa <= fb; return true;
-    case Op::IEq: r = a == b; return true;
-    case Op::INe: r = a != b; return true;
-    case Op::SLt: r = sa < sb; return true;
-    case Op::SLe: r = sa <= sb; return true;
-    case Op::ULt: r = a < b; return true;
-    case Op::ULe: r = a <= b; return true;
-    default: return false;
+    case Op::FEq:
+      r = fa == fb;
+      return true;
+    case Op::FNe:
+      r = !(fa == fb);
+      return true;
+    case Op::FLt:
+      r = fa < fb;
+      return true;
+    case Op::FLe:
+      r = fa <= fb;
+      return true;
+    case Op::IEq:
+      r = a == b;
+      return true;
+    case Op::INe:
+      r = a != b;
+      return true;
+    case Op::SLt:
+      r = sa < sb;
+      return true;
+    case Op::SLe:
+      r = sa <= sb;
+      return true;
+    case Op::ULt:
+      r = a < b;
+      return true;
+    case Op::ULe:
+      r = a <= b;
+      return true;
+    default:
+      return false;
   }
 }
 
 bool foldConversion(Op op, Type to, Type from, uint64_t a, uint64_t& r) {
   switch (op) {
-    case Op::FToF: r = floatBits(to, floatValue(from, a)); return true;
-    case Op::FToS: r = foldToInt(to, floatValue(from, a), true); return true;
-    case Op::FToU: r = foldToInt(to, floatValue(from, a), false); return true;
-    case Op::SToF: r = foldFromInt(to, from, a, true); return true;
-    case Op::UToF: r = foldFromInt(to, from, a, false); return true;
-    case Op::SExt: r = uint64_t(asSigned(from, a)) & allOnes(to); return true;
-    case Op::ZExt: r = a; return true;
-    case Op::Trunc: r = a & allOnes(to); return true;
-    case Op::BitCast: r = a; return true;
-    default: return false;
+    case Op::FToF:
+      r = floatBits(to, floatValue(from, a));
+      return true;
+    case Op::FToS:
+      r = foldToInt(to, floatValue(from, a), true);
+      return true;
+    case Op::FToU:
+      r = foldToInt(to, floatValue(from, a), false);
+      return true;
+    case Op::SToF:
+      r = foldFromInt(to, from, a, true);
+      return true;
+    case Op::UToF:
+      r = foldFromInt(to, from, a, false);
+      return true;
+    case Op::SExt:
+      r = uint64_t(asSigned(from, a)) & allOnes(to);
+      return true;
+    case Op::ZExt:
+      r = a;
+      return true;
+    case Op::Trunc:
+      r = a & allOnes(to);
+      return true;
+    case Op::BitCast:
+      r = a;
+      return true;
+    default:
+      return false;
   }
 }
 
@@ -191,21 +314,37 @@ bool foldConstant(Op op, Type type, Type operandType, std::span<const uint64_t> 
   const OpInfo& info = opInfo(op);
   if (args.empty() || !(info.flags & kPure) || (info.flags & kHigh)) return false;
   switch (info.operands) {
-    case OperandRule::Float: return foldFloat(op, type, args, result);
-    case OperandRule::Int: return foldInt(op, type, args, result);
+    case OperandRule::Float:
+      return foldFloat(op, type, args, result);
+    case OperandRule::Int:
+      return foldInt(op, type, args, result);
     case OperandRule::CmpF:
-    case OperandRule::CmpI: return foldCompare(op, operandType, args[0], args[1], result);
-    case OperandRule::Cvt: return foldConversion(op, type, operandType, args[0], result);
-    case OperandRule::Sel: result = args[0] ? args[1] : args[2]; return true;
+    case OperandRule::CmpI:
+      return foldCompare(op, operandType, args[0], args[1], result);
+    case OperandRule::Cvt:
+      return foldConversion(op, type, operandType, args[0], result);
+    case OperandRule::Sel:
+      result = args[0] ? args[1] : args[2];
+      return true;
     case OperandRule::Mask:
       switch (op) {
-        case Op::MaskAnd: result = args[0] & args[1]; return true;
-        case Op::MaskOr: result = args[0] | args[1]; return true;
-        case Op::MaskXor: result = args[0] ^ args[1]; return true;
-        case Op::MaskNot: result = args[0] ^ 1; return true;
-        default: return false;
+        case Op::MaskAnd:
+          result = args[0] & args[1];
+          return true;
+        case Op::MaskOr:
+          result = args[0] | args[1];
+          return true;
+        case Op::MaskXor:
+          result = args[0] ^ args[1];
+          return true;
+        case Op::MaskNot:
+          result = args[0] ^ 1;
+          return true;
+        default:
+          return false;
       }
-    default: return false;
+    default:
+      return false;
   }
 }
 

@@ -1,6 +1,6 @@
 // The value of plain operations on constants: the executable form of the meanings stated in ops.inc.
-// Bits are held in a uint64_t, the unused upper bits zero; a mask is 0 or 1. The floating-point environment must be
-// the default one (round to nearest, denormals kept).
+// Bits are held in a uint64_t, the unused upper bits zero; a mask is 0 or 1. The floating-point environment
+// must be the default one (round to nearest, denormals kept).
 #pragma once
 
 #include <cstdint>
@@ -10,9 +10,9 @@
 
 namespace pumice::ir {
 
-//! `type` is the result's type, `operandType` that of the last operand (comparisons and conversions depend on it).
-//! Returns false if the operation is not arithmetic on its operands alone (loads, high-level operations, ...).
-//! A NaN made by arithmetic is canonical.
+//! `type` is the result's type, `operandType` that of the last operand (comparisons and conversions depend on
+//! it). Returns false if the operation is not arithmetic on its operands alone (loads, high-level operations,
+//! ...). A NaN made by arithmetic is canonical.
 bool foldConstant(Op op, Type type, Type operandType, std::span<const uint64_t> args, uint64_t& result);
 
 //! All bits of an integer or float type set; 1 for masks.

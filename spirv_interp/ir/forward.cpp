@@ -9,7 +9,7 @@ namespace {
 
 // What the breaks of a function do, known before it is rewritten.
 struct Breaks {
-  std::vector<bool> idle;      // by instruction: a break behind which nothing runs before its target's end anyway
+  std::vector<bool> idle;  // by instruction: a break behind which nothing runs before its target's end anyway
   std::vector<bool> targeted;  // by loop/block marker: some break that is not idle leaves it
 };
 
@@ -24,12 +24,17 @@ Breaks analyseBreaks(const Function& f, const std::vector<Value>& ends) {
     uint64_t left = i.imm + 1;
     for (Value w = v + 1; left; ++w) {
       const Op op = f.insts[w].op;
-      if (op == Op::Else) w = ends[w];
-      else if (op == Op::EndBlock) --left;
-      else if (op != Op::EndIf) break;
+      if (op == Op::Else)
+        w = ends[w];
+      else if (op == Op::EndBlock)
+        --left;
+      else if (op != Op::EndIf)
+        break;
     }
-    if (left == 0) b.idle[v] = true;
-    else b.targeted[open[open.size() - 1 - i.imm]] = true;
+    if (left == 0)
+      b.idle[v] = true;
+    else
+      b.targeted[open[open.size() - 1 - i.imm]] = true;
   }
   return b;
 }
@@ -37,8 +42,13 @@ Breaks analyseBreaks(const Function& f, const std::vector<Value>& ends) {
 class Forwarder {
  public:
   explicit Forwarder(const Function& f)
-      : in_(f), out_(withoutInstructions(f)), b_(out_), ends_(regionEnds(f)), breaks_(analyseBreaks(f, ends_)),
-        map_(f.insts.size()), varIndex_(f.insts.size()) {}
+      : in_(f),
+        out_(withoutInstructions(f)),
+        b_(out_),
+        ends_(regionEnds(f)),
+        breaks_(analyseBreaks(f, ends_)),
+        map_(f.insts.size()),
+        varIndex_(f.insts.size()) {}
 
   Function run() {
     hoistDeclarations();
@@ -60,8 +70,8 @@ class Forwarder {
     bool stored;
   };
   struct Scope {
-    Op op;                   // If, Else, Loop, Block; Nop for a construct that vanished
-    Value marker = 0;        // in the output: values from here on are not visible behind the construct
+    Op op;             // If, Else, Loop, Block; Nop for a construct that vanished
+    Value marker = 0;  // in the output: values from here on are not visible behind the construct
     size_t changes = 0;
     bool thenDead = false;
     std::vector<Outcome> thenOutcome;
@@ -96,18 +106,36 @@ class Forwarder {
     switch (i.op) {
       case Op::Const:
       case Op::Var:
-      case Op::LocalAlloc: return v + 1;
-      case Op::VarGet: get(v); return v + 1;
-      case Op::VarSet: set(v); return v + 1;
-      case Op::If: return openIf(v);
-      case Op::Else: return openElse(v);
-      case Op::EndIf: closeIf(); return v + 1;
-      case Op::Loop: openLoop(v); return v + 1;
-      case Op::Block: openBlock(v); return v + 1;
+      case Op::LocalAlloc:
+        return v + 1;
+      case Op::VarGet:
+        get(v);
+        return v + 1;
+      case Op::VarSet:
+        set(v);
+        return v + 1;
+      case Op::If:
+        return openIf(v);
+      case Op::Else:
+        return openElse(v);
+      case Op::EndIf:
+        closeIf();
+        return v + 1;
+      case Op::Loop:
+        openLoop(v);
+        return v + 1;
+      case Op::Block:
+        openBlock(v);
+        return v + 1;
       case Op::EndLoop:
-      case Op::EndBlock: closeConstruct(i.op); return v + 1;
-      case Op::Break: breakOut(v); return v + 1;
-      default: break;
+      case Op::EndBlock:
+        closeConstruct(i.op);
+        return v + 1;
+      case Op::Break:
+        breakOut(v);
+        return v + 1;
+      default:
+        break;
     }
     operands_.clear();
     for (Value o : in_.operands(i)) operands_.push_back(map_[o]);
@@ -147,8 +175,10 @@ class Forwarder {
     std::vector<Outcome> outcome;
     for (size_t k = mark; k < changes_.size(); ++k)
       outcome.push_back({changes_[k].var, current_[changes_[k].var], changes_[k].stored});
-    std::ranges::sort(outcome, {}, [](const Outcome& o) { return o.var * 2 + !o.stored; });  // stored ones first
-    outcome.erase(std::unique(outcome.begin(), outcome.end(), [](const Outcome& a, const Outcome& b) { return a.var == b.var; }),
+    std::ranges::sort(outcome, {},
+                      [](const Outcome& o) { return o.var * 2 + !o.stored; });  // stored ones first
+    outcome.erase(std::unique(outcome.begin(), outcome.end(),
+                              [](const Outcome& a, const Outcome& b) { return a.var == b.var; }),
                   outcome.end());
     while (changes_.size() > mark) {
       current_[changes_.back().var] = changes_.back().old;
@@ -196,7 +226,8 @@ class Forwarder {
   }
 
   // Lanes of a side that ends dead have left an enclosing construct: what they stored does not matter here.
-  void merge(Value marker, const std::vector<Outcome>& a, bool aDead, const std::vector<Outcome>& b, bool bDead) {
+  void merge(Value marker, const std::vector<Outcome>& a, bool aDead, const std::vector<Outcome>& b,
+             bool bDead) {
     size_t i = 0, j = 0;
     while (i < a.size() || j < b.size()) {
       const uint32_t var = std::min(i < a.size() ? a[i].var : ~0u, j < b.size() ? b[j].var : ~0u);
@@ -259,7 +290,7 @@ class Forwarder {
   const Breaks breaks_;
   std::vector<Value> map_, operands_;
   std::vector<uint32_t> varIndex_;
-  std::vector<Value> current_;    // by var: its value in all active lanes, 0 = unknown
+  std::vector<Value> current_;  // by var: its value in all active lanes, 0 = unknown
   std::vector<Change> changes_;
   std::vector<Scope> scopes_;
   std::vector<bool> constructs_;  // open loops and blocks: still there in the output?

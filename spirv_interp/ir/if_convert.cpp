@@ -14,16 +14,26 @@ bool isCheap(const Inst& i) {
   const uint8_t flags = opInfo(i.op).flags;
   if (!(flags & kPure) || (flags & kHigh) || (i.flags & kInstVolatile)) return false;
   switch (i.op) {
-    case Op::FDiv: case Op::FSqrt: case Op::SDiv: case Op::UDiv: case Op::SRem: case Op::URem:
-    case Op::TableLoad: case Op::LoadConst: case Op::QuadLoad: return false;
-    default: return true;
+    case Op::FDiv:
+    case Op::FSqrt:
+    case Op::SDiv:
+    case Op::UDiv:
+    case Op::SRem:
+    case Op::URem:
+    case Op::TableLoad:
+    case Op::LoadConst:
+    case Op::QuadLoad:
+      return false;
+    default:
+      return true;
   }
 }
 bool isFree(Op op) { return op == Op::Const || op == Op::Input || op == Op::UniformInput; }
 
 class Converter {
  public:
-  explicit Converter(const Function& f) : in_(f), out_(withoutInstructions(f)), b_(out_), ends_(regionEnds(f)), map_(f.insts.size()) {}
+  explicit Converter(const Function& f)
+      : in_(f), out_(withoutInstructions(f)), b_(out_), ends_(regionEnds(f)), map_(f.insts.size()) {}
 
   bool run() {
     bool changed = false;

@@ -21,15 +21,23 @@ void inlineShader(Builder& b, const Function& shader, Expander& expander) {
     b.setInstFlags(i.flags);
     const std::span<const Value> all(operands);
     switch (i.op) {
-      case Op::ShaderInput: map[v] = expander.shaderInput(b, i.type, high, low, all); break;
-      case Op::ShaderOutput: expander.shaderOutput(b, high, low, all[0], all.subspan(1)); break;
-      case Op::Builtin: map[v] = expander.builtin(b, i.type, high, low); break;
+      case Op::ShaderInput:
+        map[v] = expander.shaderInput(b, i.type, high, low, all);
+        break;
+      case Op::ShaderOutput:
+        expander.shaderOutput(b, high, low, all[0], all.subspan(1));
+        break;
+      case Op::Builtin:
+        map[v] = expander.builtin(b, i.type, high, low);
+        break;
       case Op::Descriptor: {
         const Expander::Buffer buffer = expander.descriptor(b, uint32_t(i.imm), all[0]);
         tuples[v] = {buffer.base, buffer.size};
         break;
       }
-      case Op::ImageOp: tuples[v] = expander.image(b, shader.imageOps[i.imm], all); break;
+      case Op::ImageOp:
+        tuples[v] = expander.image(b, shader.imageOps[i.imm], all);
+        break;
       case Op::TupleGet: {
         const std::vector<Value>& tuple = tuples[shader.operands(i)[0]];
         // A component the expander does not give (a texel format with fewer) reads as zero.
@@ -37,9 +45,15 @@ void inlineShader(Builder& b, const Function& shader, Expander& expander) {
         map[v] = given ? given : b.zero(i.type);
         break;
       }
-      case Op::Demote: expander.demote(b); break;
-      case Op::HelperMask: map[v] = expander.helperMask(b); break;
-      default: map[v] = b.emit(i.op, i.type, all, i.imm); break;
+      case Op::Demote:
+        expander.demote(b);
+        break;
+      case Op::HelperMask:
+        map[v] = expander.helperMask(b);
+        break;
+      default:
+        map[v] = b.emit(i.op, i.type, all, i.imm);
+        break;
     }
   }
   b.setLine(0);

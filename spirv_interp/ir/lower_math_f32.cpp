@@ -1,6 +1,7 @@
-// Methods: Cody-Waite argument reduction with fused multiply-add and minimax polynomials (Remez exchange, weighted
-// for relative error, coefficients rounded to f32 one after the other, each followed by a new fit of the rest).
-// See J.-M. Muller, "Elementary Functions" (2016), and S. Moshier's Cephes for the choice of ranges.
+// Methods: Cody-Waite argument reduction with fused multiply-add and minimax polynomials (Remez exchange,
+// weighted for relative error, coefficients rounded to f32 one after the other, each followed by a new fit of
+// the rest). See J.-M. Muller, "Elementary Functions" (2016), and S. Moshier's Cephes for the choice of
+// ranges.
 #include <cstddef>
 #include <limits>
 
@@ -18,13 +19,13 @@ constexpr float kTwoLog2E = 0x1.715476p+1f, kTwoLog2ELow = 0x1.4ae0c0p-25f;
 constexpr float kLog2E = 0x1.715476p+0f, kLog2ELow = 0x1.4ae0c0p-26f;
 
 // (2^r - 1) / r, |r| <= 1/2; error 2^-27.5 of the function
-constexpr float kExp2[] = {0x1.62e432p-1f, 0x1.ebfbe6p-3f, 0x1.c6ada6p-5f,
+constexpr float kExp2[] = {0x1.62e432p-1f, 0x1.ebfbe6p-3f,  0x1.c6ada6p-5f,
                            0x1.3b21c6p-7f, 0x1.5fc016p-10f, 0x1.4bc6e8p-13f};
 // (e^r - 1 - r) / r^2, |r| <= ln2 / 2; error 2^-28.2 of the function
 constexpr float kExp[] = {0x1.fffffcp-2f, 0x1.55548ap-3f, 0x1.55584ep-5f, 0x1.123edap-7f, 0x1.6ac862p-10f};
 // (log(1+f) - f + f^2/2) / f^3, 1+f in [sqrt(1/2), sqrt(2)]; error 2^-28.4 of the function
-constexpr float kLog[] = {0x1.555548p-2f, -0x1.000016p-2f, 0x1.99a45cp-3f, -0x1.55579ep-3f, 0x1.233ebp-3f,
-                          -0x1.fce2d6p-4f, 0x1.e74dbep-4f, -0x1.d9229ap-4f, 0x1.0c8012p-4f};
+constexpr float kLog[] = {0x1.555548p-2f,  -0x1.000016p-2f, 0x1.99a45cp-3f,  -0x1.55579ep-3f, 0x1.233ebp-3f,
+                          -0x1.fce2d6p-4f, 0x1.e74dbep-4f,  -0x1.d9229ap-4f, 0x1.0c8012p-4f};
 // 2/ln2 (atanh(q) - q) / q^3, of q^2; error 2^-36.4 of the function
 constexpr float kLogAtanh[] = {0x1.ec709ep-1f, 0x1.2776ep-1f, 0x1.a5d04p-2f, 0x1.58915cp-2f};
 // (sin r - r) / r^3, of r^2, |r| <= pi/4; error 2^-27.8 of the function
@@ -40,12 +41,13 @@ constexpr float kSinh[] = {0x1.555556p-3f, 0x1.1110ep-7f, 0x1.a022bcp-13f, 0x1.7
 // (tanh x - x) / x^3, of x^2, x <= 5/8; error 2^-27.7 of the function
 constexpr float kTanh[] = {-0x1.555532p-2f, 0x1.1106f6p-3f, -0x1.b835a4p-5f, 0x1.51f8cep-6f, -0x1.750ce6p-8f};
 // (asinh x - x) / x^3, of x^2, x <= 1/2; error 2^-29.6 of the function
-constexpr float kAsinh[] = {-0x1.555536p-3f, 0x1.3324f2p-4f, -0x1.6b95bep-5f, 0x1.cd622ep-6f, -0x1.b1424ap-7f};
+constexpr float kAsinh[] = {-0x1.555536p-3f, 0x1.3324f2p-4f, -0x1.6b95bep-5f, 0x1.cd622ep-6f,
+                            -0x1.b1424ap-7f};
 // acosh(1+t) / sqrt(2t), t <= 1/2; error 2^-29.6 of the function
-constexpr float kAcosh[] = {0x1.0p+0f, -0x1.555536p-4f, 0x1.3324f2p-6f,
+constexpr float kAcosh[] = {0x1.0p+0f,       -0x1.555536p-4f, 0x1.3324f2p-6f,
                             -0x1.6b95bep-8f, 0x1.cd622ep-10f, -0x1.b1424ap-12f};
 // (atanh x - x) / x^3, of x^2, x <= 1/2; error 2^-29.4 of the function
-constexpr float kAtanh[] = {0x1.55554p-2f, 0x1.99a676p-3f, 0x1.234d98p-3f,
+constexpr float kAtanh[] = {0x1.55554p-2f,  0x1.99a676p-3f, 0x1.234d98p-3f,
                             0x1.e40008p-4f, 0x1.a6bbc6p-5f, 0x1.693a1cp-3f};
 
 class F32Math {
@@ -80,8 +82,8 @@ class F32Math {
     return logSpecials(x, b_.fma(s.exponent, c(kLn2), b_.fma(s.exponent, c(kLn2Low), l)));
   }
 
-  // exp2(y * log2(x)) with the logarithm and the product in two floats each, since the product's absolute error
-  // becomes the result's relative error.
+  // exp2(y * log2(x)) with the logarithm and the product in two floats each, since the product's absolute
+  // error becomes the result's relative error.
   Value pow(Value x, Value y) {
     const Split s = split(x);
     const Value f = s.fraction;
@@ -124,7 +126,8 @@ class F32Math {
   Value tan(Value x) {
     const Reduced r = reduce(x);
     const Value odd = isSet(r.quadrant, 1);
-    const Value numerator = b_.select(odd, r.cosine, r.sine), denominator = b_.select(odd, b_.fneg(r.sine), r.cosine);
+    const Value numerator = b_.select(odd, r.cosine, r.sine),
+                denominator = b_.select(odd, b_.fneg(r.sine), r.cosine);
     return b_.fdiv(numerator, denominator);
   }
 
@@ -222,7 +225,9 @@ class F32Math {
   }
 
   Value sign(Value x) { return b_.and_(b_.bitcast(Type::I32, x), b_.i32(0x80000000)); }
-  Value flipSign(Value x, Value sign) { return b_.bitcast(Type::F32, b_.xor_(b_.bitcast(Type::I32, x), sign)); }
+  Value flipSign(Value x, Value sign) {
+    return b_.bitcast(Type::F32, b_.xor_(b_.bitcast(Type::I32, x), sign));
+  }
   // a, which is not negative, with the sign of x; a NaN stays canonical in all but its sign.
   Value copySign(Value a, Value x) { return flipSign(a, sign(x)); }
   Value isSet(Value bits, uint32_t bit) { return b_.ine(b_.and_(bits, b_.i32(bit)), b_.i32(0)); }
@@ -241,7 +246,8 @@ class F32Math {
     const Value bits = b_.bitcast(Type::I32, b_.select(tiny, b_.fmul(x, c(0x1p23f)), x));
     const Value n = b_.ashr(b_.isub(bits, b_.i32(0x3f3504f3)), b_.i32(23));
     const Value m = b_.bitcast(Type::F32, b_.isub(bits, b_.shl(n, b_.i32(23))));
-    const Value exponent = b_.convert(Op::SToF, Type::F32, b_.select(tiny, b_.iadd(n, b_.i32(uint32_t(-23))), n));
+    const Value exponent =
+        b_.convert(Op::SToF, Type::F32, b_.select(tiny, b_.iadd(n, b_.i32(uint32_t(-23))), n));
     return {exponent, b_.fsub(m, c(1))};
   }
   Value log1p(Value f) {
@@ -259,8 +265,9 @@ class F32Math {
     return b_.fadd(log(b_.select(big, a, b_.fadd(a, root))), b_.select(big, c(kLn2), c(0)));
   }
 
-  // x = quadrant * pi/2 + r, |r| <= pi/4 (a little more for large x). Up to 2^22 the first product's remainder is exact; beyond that no bit
-  // of f32's angle means much any more, and the angle counts as 0 (infinities give NaN).
+  // x = quadrant * pi/2 + r, |r| <= pi/4 (a little more for large x). Up to 2^22 the first product's
+  // remainder is exact; beyond that no bit of f32's angle means much any more, and the angle counts as 0
+  // (infinities give NaN).
   Reduced reduce(Value x) {
     const Value usable = b_.fle(b_.fabs(x), c(0x1p22f));
     x = b_.select(usable, x, b_.fmul(x, c(0)));
@@ -279,7 +286,8 @@ class F32Math {
     const Value s = b_.select(large, b_.fsqrt(z), a);
     return b_.fma(b_.fmul(s, z), polynomial(kAsin, z), s);
   }
-  // atan(low / high), 0 <= low <= high, in one division: beyond tan(pi/8) it is pi/4 + atan((l - h) / (l + h)).
+  // atan(low / high), 0 <= low <= high, in one division: beyond tan(pi/8) it is pi/4 + atan((l - h) / (l +
+  // h)).
   Value atanQuotient(Value low, Value high) {
     const Value upper = b_.flt(b_.fmul(high, c(0x1.a8279ap-2f)), low);
     const Value numerator = b_.select(upper, b_.fsub(low, high), low);
@@ -297,25 +305,44 @@ class F32Math {
 Value lowerF32(Builder& b, Op op, std::span<const Value> v) {
   F32Math m(b);
   switch (op) {
-    case Op::FExp2: return m.exp2(v[0]);
-    case Op::FLog2: return m.log2(v[0]);
-    case Op::FExp: return m.exp(v[0]);
-    case Op::FLog: return m.log(v[0]);
-    case Op::FPow: return m.pow(v[0], v[1]);
-    case Op::FSin: return m.sin(v[0]);
-    case Op::FCos: return m.cos(v[0]);
-    case Op::FTan: return m.tan(v[0]);
-    case Op::FAsin: return m.asin(v[0]);
-    case Op::FAcos: return m.acos(v[0]);
-    case Op::FAtan: return m.atan(v[0]);
-    case Op::FAtan2: return m.atan2(v[0], v[1]);
-    case Op::FSinh: return m.sinh(v[0]);
-    case Op::FCosh: return m.cosh(v[0]);
-    case Op::FTanh: return m.tanh(v[0]);
-    case Op::FAsinh: return m.asinh(v[0]);
-    case Op::FAcosh: return m.acosh(v[0]);
-    case Op::FAtanh: return m.atanh(v[0]);
-    default: return 0;
+    case Op::FExp2:
+      return m.exp2(v[0]);
+    case Op::FLog2:
+      return m.log2(v[0]);
+    case Op::FExp:
+      return m.exp(v[0]);
+    case Op::FLog:
+      return m.log(v[0]);
+    case Op::FPow:
+      return m.pow(v[0], v[1]);
+    case Op::FSin:
+      return m.sin(v[0]);
+    case Op::FCos:
+      return m.cos(v[0]);
+    case Op::FTan:
+      return m.tan(v[0]);
+    case Op::FAsin:
+      return m.asin(v[0]);
+    case Op::FAcos:
+      return m.acos(v[0]);
+    case Op::FAtan:
+      return m.atan(v[0]);
+    case Op::FAtan2:
+      return m.atan2(v[0], v[1]);
+    case Op::FSinh:
+      return m.sinh(v[0]);
+    case Op::FCosh:
+      return m.cosh(v[0]);
+    case Op::FTanh:
+      return m.tanh(v[0]);
+    case Op::FAsinh:
+      return m.asinh(v[0]);
+    case Op::FAcosh:
+      return m.acosh(v[0]);
+    case Op::FAtanh:
+      return m.atanh(v[0]);
+    default:
+      return 0;
   }
 }
 

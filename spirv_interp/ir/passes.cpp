@@ -15,10 +15,14 @@ struct Pass {
 };
 
 constexpr Pass kOptimise[] = {
-    {"forward variables", forwardVariables, false}, {"dead code", removeDeadCode, false},
-    {"if conversion", convertIfs, true},            {"forward variables", forwardVariables, false},
-    {"dead code", removeDeadCode, false},           {"if conversion", convertIfs, true},
-    {"forward variables", forwardVariables, false}, {"dead code", removeDeadCode, false},
+    {"forward variables", forwardVariables, false},
+    {"dead code", removeDeadCode, false},
+    {"if conversion", convertIfs, true},
+    {"forward variables", forwardVariables, false},
+    {"dead code", removeDeadCode, false},
+    {"if conversion", convertIfs, true},
+    {"forward variables", forwardVariables, false},
+    {"dead code", removeDeadCode, false},
 };
 
 }  // namespace
@@ -37,12 +41,16 @@ void computeRates(Function& f) {
     switch (i.op) {
       case Op::Input:
       case Op::LaneId:
-      case Op::QuadLoad: continue;
+      case Op::QuadLoad:
+        continue;
       case Op::UniformInput:
       case Op::TableLoad:
       case Op::LoadConst:
-      case Op::Descriptor: rate = Rate::Draw; break;
-      default: break;
+      case Op::Descriptor:
+        rate = Rate::Draw;
+        break;
+      default:
+        break;
     }
     for (Value v : f.operands(i)) rate = std::max(rate, f.insts[v].rate);
     i.rate = rate;

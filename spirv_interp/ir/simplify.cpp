@@ -26,7 +26,8 @@ Value simplifyWithConstant(Builder& b, Op op, Type t, Value x, uint64_t c) {
       if (c == 0) return x;
       if (constantChain(b, op, x, inner, d)) return b.iadd(inner, b.constant(t, c + d));
       return 0;
-    case Op::ISub: return b.iadd(x, b.constant(t, 0 - c));
+    case Op::ISub:
+      return b.iadd(x, b.constant(t, 0 - c));
     case Op::IMul:
       if (c == 0) return b.zero(t);
       if (c == 1) return x;
@@ -36,31 +37,43 @@ Value simplifyWithConstant(Builder& b, Op op, Type t, Value x, uint64_t c) {
       if (c == 1) return x;
       if (powerOfTwo) return b.lshr(x, b.constant(t, log2));
       return 0;
-    case Op::SDiv: return c == 1 ? x : 0;
-    case Op::URem: return powerOfTwo ? b.and_(x, b.constant(t, c - 1)) : 0;
+    case Op::SDiv:
+      return c == 1 ? x : 0;
+    case Op::URem:
+      return powerOfTwo ? b.and_(x, b.constant(t, c - 1)) : 0;
     case Op::And:
       if (c == 0) return b.zero(t);
       if (c == ones) return x;
       if (constantChain(b, op, x, inner, d)) return b.and_(inner, b.constant(t, c & d));
       return 0;
-    case Op::Or: return c == 0 ? x : c == ones ? b.constant(t, ones) : 0;
-    case Op::Xor: return c == 0 ? x : 0;
+    case Op::Or:
+      return c == 0 ? x : c == ones ? b.constant(t, ones) : 0;
+    case Op::Xor:
+      return c == 0 ? x : 0;
     case Op::Shl:
     case Op::LShr:
-    case Op::AShr: return (c & (typeBytes(t) * 8 - 1)) == 0 ? x : 0;
-    case Op::UMin: return c == 0 ? b.zero(t) : c == ones ? x : 0;
-    case Op::UMax: return c == 0 ? x : 0;
-    case Op::MaskAnd: return c ? x : b.mask(false);
-    case Op::MaskOr: return c ? b.mask(true) : x;
-    case Op::MaskXor: return c ? b.maskNot(x) : x;
-    default: return 0;
+    case Op::AShr:
+      return (c & (typeBytes(t) * 8 - 1)) == 0 ? x : 0;
+    case Op::UMin:
+      return c == 0 ? b.zero(t) : c == ones ? x : 0;
+    case Op::UMax:
+      return c == 0 ? x : 0;
+    case Op::MaskAnd:
+      return c ? x : b.mask(false);
+    case Op::MaskOr:
+      return c ? b.mask(true) : x;
+    case Op::MaskXor:
+      return c ? b.maskNot(x) : x;
+    default:
+      return 0;
   }
 }
 
 Value simplifySame(Builder& b, Op op, Type t, Value x) {
   switch (op) {
     case Op::ISub:
-    case Op::Xor: return b.zero(t);
+    case Op::Xor:
+      return b.zero(t);
     case Op::And:
     case Op::Or:
     case Op::SMin:
@@ -68,15 +81,19 @@ Value simplifySame(Builder& b, Op op, Type t, Value x) {
     case Op::UMin:
     case Op::UMax:
     case Op::MaskAnd:
-    case Op::MaskOr: return x;
+    case Op::MaskOr:
+      return x;
     case Op::MaskXor:
     case Op::INe:
     case Op::SLt:
-    case Op::ULt: return b.mask(false);
+    case Op::ULt:
+      return b.mask(false);
     case Op::IEq:
     case Op::SLe:
-    case Op::ULe: return b.mask(true);
-    default: return 0;
+    case Op::ULe:
+      return b.mask(true);
+    default:
+      return 0;
   }
 }
 
@@ -108,19 +125,23 @@ Value simplify(Builder& b, Op op, Type type, std::span<const Value> v) {
   switch (op) {
     case Op::Not:
     case Op::FNeg:
-    case Op::MaskNot: return inner.op == op ? x : 0;
+    case Op::MaskNot:
+      return inner.op == op ? x : 0;
     case Op::FAbs:
       if (inner.op == Op::FAbs) return v[0];
       return inner.op == Op::FNeg ? b.fabs(x) : 0;
     case Op::FFloor:
     case Op::FCeil:
     case Op::FTrunc:
-    case Op::FRoundEven: return inner.op == op ? v[0] : 0;
+    case Op::FRoundEven:
+      return inner.op == op ? v[0] : 0;
     case Op::BitCast:
       if (inner.op == Op::BitCast) return b.bitcast(type, x);
       return f.type(v[0]) == type ? v[0] : 0;
-    case Op::Trunc: return (inner.op == Op::ZExt || inner.op == Op::SExt) && f.type(x) == type ? x : 0;
-    default: return 0;
+    case Op::Trunc:
+      return (inner.op == Op::ZExt || inner.op == Op::SExt) && f.type(x) == type ? x : 0;
+    default:
+      return 0;
   }
 }
 

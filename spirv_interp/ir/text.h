@@ -1,4 +1,5 @@
-// What the printer and the parser share: how an operation's immediate is written, and the words of the text form.
+// What the printer and the parser share: how an operation's immediate is written, and the words of the text
+// form.
 //
 //   function "name" shared=64
 //   %1 = const f32 0x3fc00000 ; 1.5          also read: const f32 1.5, const i32 -3
@@ -19,12 +20,14 @@ namespace pumice::ir {
 enum class ImmKind : uint8_t { None, Const, Number, Offset, Table, Pair, Tile, Atomic, Image };
 ImmKind immKind(Op op);
 
-inline constexpr const char* kTypeNames[] = {"none", "mask", "i8", "i16", "i32", "i64", "f16", "f32", "f64", "tuple"};
+inline constexpr const char* kTypeNames[] = {"none", "mask", "i8",  "i16", "i32",
+                                             "i64",  "f16",  "f32", "f64", "tuple"};
 inline constexpr const char* kRateNames[] = {"constant", "draw", "workgroup", "subgroup", "lane"};
 inline constexpr const char* kAtomicNames[] = {"add", "smin", "smax", "umin", "umax", "and",
                                                "or",  "xor",  "xchg", "fadd", "ld",   "st"};
-inline constexpr const char* kImageKindNames[] = {"sample", "fetch",     "gather",    "read",         "write",
-                                                  "atomic", "querysize", "querylod", "querylevels", "querysamples"};
+inline constexpr const char* kImageKindNames[] = {"sample",      "fetch",       "gather",    "read",
+                                                  "write",       "atomic",      "querysize", "querylod",
+                                                  "querylevels", "querysamples"};
 inline constexpr const char* kImageDimNames[] = {"1d", "2d", "3d", "cube", "rect", "buffer", "subpass"};
 struct InstFlagName {
   const char* name;

@@ -30,7 +30,8 @@ bool parseConstant(Type t, std::string_view word, uint64_t& out) {
     const std::string s(word);
     char* end = nullptr;
     // An f32 is read as such: through double it could round twice.
-    out = t == Type::F32 ? floatBits(t, std::strtof(s.c_str(), &end)) : floatBits(t, std::strtod(s.c_str(), &end));
+    out = t == Type::F32 ? floatBits(t, std::strtof(s.c_str(), &end))
+                         : floatBits(t, std::strtod(s.c_str(), &end));
     return end != s.c_str() && *end == 0;
   }
   if (!parseNumber(word, out)) return false;
@@ -82,7 +83,8 @@ class Parser {
         end = text.find(c == '"' ? '"' : '}', end);
         end = end == text.npos ? text.size() : end + 1;
       } else {
-        while (end < text.size() && std::string_view(" \t\r,;").find(text[end]) == std::string_view::npos) ++end;
+        while (end < text.size() && std::string_view(" \t\r,;").find(text[end]) == std::string_view::npos)
+          ++end;
       }
       words_.push_back(text.substr(i, end - i));
       i = end;
@@ -92,9 +94,12 @@ class Parser {
   bool header(std::string& error) {
     for (size_t i = 1; i < words_.size(); ++i) {
       uint64_t n = 0;
-      if (words_[i][0] == '"') f_.name = std::string(words_[i].substr(1, words_[i].size() - 2));
-      else if (words_[i].starts_with("shared=") && parseNumber(words_[i].substr(7), n)) f_.sharedBytes = uint32_t(n);
-      else return fail(error, "unknown word in function header", words_[i]);
+      if (words_[i][0] == '"')
+        f_.name = std::string(words_[i].substr(1, words_[i].size() - 2));
+      else if (words_[i].starts_with("shared=") && parseNumber(words_[i].substr(7), n))
+        f_.sharedBytes = uint32_t(n);
+      else
+        return fail(error, "unknown word in function header", words_[i]);
     }
     return true;
   }
@@ -108,7 +113,8 @@ class Parser {
     inst.op = found->second;
     if (!name.empty()) {
       size_t t = 0;
-      if (next_ >= words_.size() || !lookUp(kTypeNames, words_[next_], t)) return fail(error, "type expected", word());
+      if (next_ >= words_.size() || !lookUp(kTypeNames, words_[next_], t))
+        return fail(error, "type expected", word());
       inst.type = Type(t);
       ++next_;
     } else if (opInfo(inst.op).result != ResultRule::None) {
@@ -161,20 +167,30 @@ class Parser {
     size_t index = 0;
     bool ok = true;
     switch (kind) {
-      case ImmKind::None: break;
-      case ImmKind::Const: ok = parseConstant(inst.type, w, inst.imm); break;
-      case ImmKind::Number: ok = parseNumber(w, inst.imm); break;
+      case ImmKind::None:
+        break;
+      case ImmKind::Const:
+        ok = parseConstant(inst.type, w, inst.imm);
+        break;
+      case ImmKind::Number:
+        ok = parseNumber(w, inst.imm);
+        break;
       case ImmKind::Offset:
         if (!w.starts_with("+")) return true;
         ok = parseNumber(w.substr(1), inst.imm);
         break;
       case ImmKind::Table:
         ok = split(w, '+', first, low);
-        if (first == "push") high = kTablePush;
-        else if (first == "draw") high = kTableDraw;
-        else if (first == "constants") high = kTableConstants;
-        else if (first.starts_with("set")) ok = ok && parseNumber(first.substr(3), high) && high < kMaxDescriptorSets, high += kTableSet0;
-        else ok = false;
+        if (first == "push")
+          high = kTablePush;
+        else if (first == "draw")
+          high = kTableDraw;
+        else if (first == "constants")
+          high = kTableConstants;
+        else if (first.starts_with("set"))
+          ok = ok && parseNumber(first.substr(3), high) && high < kMaxDescriptorSets, high += kTableSet0;
+        else
+          ok = false;
         inst.imm = high << 32 | low;
         break;
       case ImmKind::Pair:
@@ -184,8 +200,9 @@ class Parser {
       case ImmKind::Tile: {
         const size_t colon = w.find(':');
         uint64_t bytes = 0;
-        ok = colon != w.npos && parseNumber(w.substr(0, colon), high) && split(w.substr(colon + 1), '+', first, low) &&
-             parseNumber(first, bytes) && bytes <= 0xffff && low <= 0xffff;
+        ok = colon != w.npos && parseNumber(w.substr(0, colon), high) &&
+             split(w.substr(colon + 1), '+', first, low) && parseNumber(first, bytes) && bytes <= 0xffff &&
+             low <= 0xffff;
         inst.imm = high << 32 | bytes << 16 | low;
         break;
       }
@@ -193,7 +210,9 @@ class Parser {
         ok = split(w, '+', first, low) && lookUp(kAtomicNames, first, index);
         inst.imm = uint64_t(index) << 32 | low;
         break;
-      case ImmKind::Image: ok = image(inst, w, error); break;
+      case ImmKind::Image:
+        ok = image(inst, w, error);
+        break;
     }
     ++next_;
     if (ok) return true;
@@ -220,14 +239,22 @@ class Parser {
     const size_t eq = w.find('=');
     if (eq == w.npos) {
       // "atomic" is both a kind and a key; without '=' it is the kind.
-      if (lookUp(kImageKindNames, w, index)) info.kind = ImageKind(index);
-      else if (lookUp(kImageDimNames, w, index)) info.dim = ImageDim(index);
-      else if (w == "arrayed") info.arrayed = true;
-      else if (w == "multisampled") info.multisampled = true;
-      else if (w == "implicit") info.implicitLod = true;
-      else if (w == "cas") info.compareExchange = true;
-      else if (w == "signed") info.texelSigned = true;
-      else return false;
+      if (lookUp(kImageKindNames, w, index))
+        info.kind = ImageKind(index);
+      else if (lookUp(kImageDimNames, w, index))
+        info.dim = ImageDim(index);
+      else if (w == "arrayed")
+        info.arrayed = true;
+      else if (w == "multisampled")
+        info.multisampled = true;
+      else if (w == "implicit")
+        info.implicitLod = true;
+      else if (w == "cas")
+        info.compareExchange = true;
+      else if (w == "signed")
+        info.texelSigned = true;
+      else
+        return false;
       return true;
     }
     const std::string_view key = w.substr(0, eq), value = w.substr(eq + 1);
@@ -235,11 +262,16 @@ class Parser {
     if (key == "texel" && lookUp(kTypeNames, value, index)) return info.texelType = Type(index), true;
     uint64_t n = 0;
     if (!parseNumber(value, n)) return false;
-    if (key == "operands") info.operands = uint16_t(n);
-    else if (key == "image") info.imageResource = uint32_t(n);
-    else if (key == "sampler") info.samplerResource = uint32_t(n);
-    else if (key == "format") info.storageFormat = uint32_t(n);
-    else return false;
+    if (key == "operands")
+      info.operands = uint16_t(n);
+    else if (key == "image")
+      info.imageResource = uint32_t(n);
+    else if (key == "sampler")
+      info.samplerResource = uint32_t(n);
+    else if (key == "format")
+      info.storageFormat = uint32_t(n);
+    else
+      return false;
     return true;
   }
 

@@ -8,18 +8,46 @@ namespace pumice::ir {
 
 ImmKind immKind(Op op) {
   switch (op) {
-    case Op::Const: return ImmKind::Const;
-    case Op::Input: case Op::UniformInput: case Op::Output: case Op::Break: case Op::QuadDdx: case Op::QuadDdy:
-    case Op::QuadSwizzle: case Op::LocalAlloc: case Op::QuadLoad: case Op::Descriptor: case Op::TupleGet:
+    case Op::Const:
+      return ImmKind::Const;
+    case Op::Input:
+    case Op::UniformInput:
+    case Op::Output:
+    case Op::Break:
+    case Op::QuadDdx:
+    case Op::QuadDdy:
+    case Op::QuadSwizzle:
+    case Op::LocalAlloc:
+    case Op::QuadLoad:
+    case Op::Descriptor:
+    case Op::TupleGet:
       return ImmKind::Number;
-    case Op::Load: case Op::LoadConst: case Op::Store: case Op::AtomicCas: case Op::LocalLoad: case Op::LocalStore:
-    case Op::SharedLoad: case Op::SharedStore: case Op::SharedAtomicCas: return ImmKind::Offset;
-    case Op::TableLoad: return ImmKind::Table;
-    case Op::TileLoad: case Op::TileStore: return ImmKind::Tile;
-    case Op::ShaderInput: case Op::ShaderOutput: case Op::Builtin: return ImmKind::Pair;
-    case Op::Atomic: case Op::SharedAtomic: return ImmKind::Atomic;
-    case Op::ImageOp: return ImmKind::Image;
-    default: return ImmKind::None;
+    case Op::Load:
+    case Op::LoadConst:
+    case Op::Store:
+    case Op::AtomicCas:
+    case Op::LocalLoad:
+    case Op::LocalStore:
+    case Op::SharedLoad:
+    case Op::SharedStore:
+    case Op::SharedAtomicCas:
+      return ImmKind::Offset;
+    case Op::TableLoad:
+      return ImmKind::Table;
+    case Op::TileLoad:
+    case Op::TileStore:
+      return ImmKind::Tile;
+    case Op::ShaderInput:
+    case Op::ShaderOutput:
+    case Op::Builtin:
+      return ImmKind::Pair;
+    case Op::Atomic:
+    case Op::SharedAtomic:
+      return ImmKind::Atomic;
+    case Op::ImageOp:
+      return ImmKind::Image;
+    default:
+      return ImmKind::None;
   }
 }
 
@@ -66,7 +94,8 @@ std::string immText(const Function& f, const Inst& i, std::string& comment) {
   const auto imm = static_cast<unsigned long long>(i.imm);
   const auto high = static_cast<unsigned>(i.imm >> 32), low = static_cast<unsigned>(i.imm);
   switch (immKind(i.op)) {
-    case ImmKind::None: return "";
+    case ImmKind::None:
+      return "";
     case ImmKind::Const: {
       std::string s = constantText(i.type, i.imm);
       if (const size_t at = s.find(" ;"); at != std::string::npos) {
@@ -75,13 +104,20 @@ std::string immText(const Function& f, const Inst& i, std::string& comment) {
       }
       return " " + s;
     }
-    case ImmKind::Number: return number(" %llu", imm);
-    case ImmKind::Offset: return i.imm ? number(" +%llu", imm) : "";
-    case ImmKind::Table: return " " + tableName(high) + number("+%u", low);
-    case ImmKind::Pair: return number(" %u:%u", high, low);
-    case ImmKind::Tile: return number(" %u:%u+%u", high, low >> 16, low & 0xffff);
-    case ImmKind::Atomic: return high < std::size(kAtomicNames) ? number(" %s+%u", kAtomicNames[high], low) : " ?";
-    case ImmKind::Image: return i.imm < f.imageOps.size() ? " " + imageText(f.imageOps[i.imm]) : " {?}";
+    case ImmKind::Number:
+      return number(" %llu", imm);
+    case ImmKind::Offset:
+      return i.imm ? number(" +%llu", imm) : "";
+    case ImmKind::Table:
+      return " " + tableName(high) + number("+%u", low);
+    case ImmKind::Pair:
+      return number(" %u:%u", high, low);
+    case ImmKind::Tile:
+      return number(" %u:%u+%u", high, low >> 16, low & 0xffff);
+    case ImmKind::Atomic:
+      return high < std::size(kAtomicNames) ? number(" %s+%u", kAtomicNames[high], low) : " ?";
+    case ImmKind::Image:
+      return i.imm < f.imageOps.size() ? " " + imageText(f.imageOps[i.imm]) : " {?}";
   }
   return "";
 }

@@ -1,5 +1,5 @@
-// Hash table of available values with undo: what was added since a mark is forgotten by rewind(). Entries leave
-// only in the reverse of the order they came, so linear probing needs no tombstones.
+// Hash table of available values with undo: what was added since a mark is forgotten by rewind(). Entries
+// leave only in the reverse of the order they came, so linear probing needs no tombstones.
 #pragma once
 
 #include <cstddef>

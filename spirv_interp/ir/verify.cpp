@@ -21,10 +21,14 @@ class Verifier {
     stack_.push_back({Op::Nop, 0});
     for (at_ = 1; at_ < f_.insts.size() && error_.empty(); ++at_) {
       const Inst& i = f_.insts[at_];
-      if (i.op == Op::Nop || i.op >= Op::kCount) fail("not an operation");
-      else if (i.type > Type::Tuple || i.rate > Rate::Lane) fail("no such type or rate");
-      else if (uint64_t(i.firstOperand) + i.operandCount > f_.operandPool.size()) fail("operands outside the pool");
-      else if (count(i) && scoping(i) && result(i) && operands(i)) structure(i);
+      if (i.op == Op::Nop || i.op >= Op::kCount)
+        fail("not an operation");
+      else if (i.type > Type::Tuple || i.rate > Rate::Lane)
+        fail("no such type or rate");
+      else if (uint64_t(i.firstOperand) + i.operandCount > f_.operandPool.size())
+        fail("operands outside the pool");
+      else if (count(i) && scoping(i) && result(i) && operands(i))
+        structure(i);
       region_[at_] = stack_.back().region;
     }
     if (error_.empty() && stack_.size() > 1)
@@ -66,13 +70,19 @@ class Verifier {
 
   bool result(const Inst& i) {
     switch (opInfo(i.op).result) {
-      case ResultRule::None: return check(i.type == Type::None, "has no result");
-      case ResultRule::Mask: return check(i.type == Type::Mask, "result must be a mask");
-      case ResultRule::I32: return check(i.type == Type::I32, "result must be i32");
-      case ResultRule::I64: return check(i.type == Type::I64, "result must be i64");
-      case ResultRule::Tuple: return check(i.type == Type::Tuple, "result must be a tuple");
+      case ResultRule::None:
+        return check(i.type == Type::None, "has no result");
+      case ResultRule::Mask:
+        return check(i.type == Type::Mask, "result must be a mask");
+      case ResultRule::I32:
+        return check(i.type == Type::I32, "result must be i32");
+      case ResultRule::I64:
+        return check(i.type == Type::I64, "result must be i64");
+      case ResultRule::Tuple:
+        return check(i.type == Type::Tuple, "result must be a tuple");
       case ResultRule::Any:
-      case ResultRule::Same: return check(isData(i.type), "result needs a type");
+      case ResultRule::Same:
+        return check(isData(i.type), "result needs a type");
     }
     return true;
   }
@@ -83,7 +93,8 @@ class Verifier {
       case OperandRule::Float:
       case OperandRule::Int:
       case OperandRule::Num:
-        if (!check(rule == OperandRule::Int ? isInt(i.type) : isFloat(i.type) || (rule == OperandRule::Num && isInt(i.type)),
+        if (!check(rule == OperandRule::Int ? isInt(i.type)
+                                            : isFloat(i.type) || (rule == OperandRule::Num && isInt(i.type)),
                    rule == OperandRule::Int ? "must be of an integer type" : "must be of a float type"))
           return false;
         if ((i.op == Op::SMulHi || i.op == Op::UMulHi) && i.type != Type::I32) return fail("must be i32");
@@ -101,8 +112,10 @@ class Verifier {
       case OperandRule::Sel:
         return check(type(i, 0) == Type::Mask, "selects by a mask") &&
                check(type(i, 1) == i.type && type(i, 2) == i.type, "operand type differs from the result's");
-      case OperandRule::Cvt: return conversion(i, type(i, 0), i.type);
-      case OperandRule::Free: return free(i) && immediate(i);
+      case OperandRule::Cvt:
+        return conversion(i, type(i, 0), i.type);
+      case OperandRule::Free:
+        return free(i) && immediate(i);
     }
     return true;
   }
@@ -110,16 +123,29 @@ class Verifier {
   bool conversion(const Inst& i, Type from, Type to) {
     bool ok = false;
     switch (i.op) {
-      case Op::FToF: ok = isFloat(from) && isFloat(to) && from != to; break;
+      case Op::FToF:
+        ok = isFloat(from) && isFloat(to) && from != to;
+        break;
       case Op::FToS:
-      case Op::FToU: ok = isFloat(from) && isInt(to); break;
+      case Op::FToU:
+        ok = isFloat(from) && isInt(to);
+        break;
       case Op::SToF:
-      case Op::UToF: ok = isInt(from) && isFloat(to); break;
+      case Op::UToF:
+        ok = isInt(from) && isFloat(to);
+        break;
       case Op::SExt:
-      case Op::ZExt: ok = isInt(from) && isInt(to) && typeBytes(from) < typeBytes(to); break;
-      case Op::Trunc: ok = isInt(from) && isInt(to) && typeBytes(from) > typeBytes(to); break;
-      case Op::BitCast: ok = isSized(from) && typeBytes(from) == typeBytes(to) && from != to; break;
-      default: break;
+      case Op::ZExt:
+        ok = isInt(from) && isInt(to) && typeBytes(from) < typeBytes(to);
+        break;
+      case Op::Trunc:
+        ok = isInt(from) && isInt(to) && typeBytes(from) > typeBytes(to);
+        break;
+      case Op::BitCast:
+        ok = isSized(from) && typeBytes(from) == typeBytes(to) && from != to;
+        break;
+      default:
+        break;
     }
     return check(ok, "cannot convert between these types");
   }
@@ -137,54 +163,80 @@ class Verifier {
       case Op::VarSet:
         return check(f_.insts[v[0]].op == Op::Var, "operand must be a var") &&
                check(type(i, 0) == (i.op == Op::VarGet ? i.type : type(i, 1)), "type differs from the var's");
-      case Op::Output: return check(isData(type(i, 0)), "value needs a type");
-      case Op::If: return check(type(i, 0) == Type::Mask, "needs a mask");
-      case Op::QuadSwizzle: return check(type(i, 0) == i.type, "operand type differs from the result's");
-      case Op::TableLoad: return check(type(i, 0) == Type::I32 && isSized(i.type), "needs an i32 offset and a sized type");
+      case Op::Output:
+        return check(isData(type(i, 0)), "value needs a type");
+      case Op::If:
+        return check(type(i, 0) == Type::Mask, "needs a mask");
+      case Op::QuadSwizzle:
+        return check(type(i, 0) == i.type, "operand type differs from the result's");
+      case Op::TableLoad:
+        return check(type(i, 0) == Type::I32 && isSized(i.type), "needs an i32 offset and a sized type");
       case Op::Load:
-      case Op::LoadConst: return address(i) && check(isSized(i.type), "needs a sized type");
-      case Op::Store: return address(i) && check(isSized(type(i, 3)), "needs a sized value");
-      case Op::Atomic: return address(i) && check(isSized(i.type) && type(i, 3) == i.type, "value type differs");
+      case Op::LoadConst:
+        return address(i) && check(isSized(i.type), "needs a sized type");
+      case Op::Store:
+        return address(i) && check(isSized(type(i, 3)), "needs a sized value");
+      case Op::Atomic:
+        return address(i) && check(isSized(i.type) && type(i, 3) == i.type, "value type differs");
       case Op::AtomicCas:
-        return address(i) && check(isSized(i.type) && type(i, 3) == i.type && type(i, 4) == i.type, "value type differs");
+        return address(i) &&
+               check(isSized(i.type) && type(i, 3) == i.type && type(i, 4) == i.type, "value type differs");
       case Op::LocalLoad:
       case Op::LocalStore:
         return check(f_.insts[v[0]].op == Op::LocalAlloc, "operand must be a local.alloc") &&
                check(type(i, 1) == Type::I32, "offset must be i32") &&
                check(isSized(i.op == Op::LocalLoad ? i.type : type(i, 2)), "needs a sized type");
-      case Op::SharedLoad: return check(type(i, 0) == Type::I32 && isSized(i.type), "needs an i32 offset and a sized type");
-      case Op::SharedStore: return check(type(i, 0) == Type::I32 && isSized(type(i, 1)), "needs an i32 offset and a sized value");
+      case Op::SharedLoad:
+        return check(type(i, 0) == Type::I32 && isSized(i.type), "needs an i32 offset and a sized type");
+      case Op::SharedStore:
+        return check(type(i, 0) == Type::I32 && isSized(type(i, 1)), "needs an i32 offset and a sized value");
       case Op::SharedAtomic:
-        return check(type(i, 0) == Type::I32 && isSized(i.type) && type(i, 1) == i.type, "offset or value type is wrong");
-      case Op::SharedAtomicCas:
-        return check(type(i, 0) == Type::I32 && isSized(i.type) && type(i, 1) == i.type && type(i, 2) == i.type,
+        return check(type(i, 0) == Type::I32 && isSized(i.type) && type(i, 1) == i.type,
                      "offset or value type is wrong");
+      case Op::SharedAtomicCas:
+        return check(
+            type(i, 0) == Type::I32 && isSized(i.type) && type(i, 1) == i.type && type(i, 2) == i.type,
+            "offset or value type is wrong");
       case Op::QuadLoad:
-      case Op::TileLoad: return check(isSized(i.type), "needs a sized type");
-      case Op::TileStore: return check(isSized(type(i, 0)), "needs a sized value");
-      case Op::ShaderOutput: return check(i.operandCount >= 1, "needs a value");
-      case Op::Descriptor: return check(type(i, 0) == Type::I32, "array element must be i32");
-      case Op::TupleGet: return check(type(i, 0) == Type::Tuple, "operand must be a tuple");
-      default: return true;
+      case Op::TileLoad:
+        return check(isSized(i.type), "needs a sized type");
+      case Op::TileStore:
+        return check(isSized(type(i, 0)), "needs a sized value");
+      case Op::ShaderOutput:
+        return check(i.operandCount >= 1, "needs a value");
+      case Op::Descriptor:
+        return check(type(i, 0) == Type::I32, "array element must be i32");
+      case Op::TupleGet:
+        return check(type(i, 0) == Type::Tuple, "operand must be a tuple");
+      default:
+        return true;
     }
   }
 
   bool immediate(const Inst& i) {
     const uint64_t high = i.imm >> 32;
     switch (i.op) {
-      case Op::Const: return check((i.imm & ~allOnes(i.type)) == 0, "bits beyond the type's width");
+      case Op::Const:
+        return check((i.imm & ~allOnes(i.type)) == 0, "bits beyond the type's width");
       case Op::QuadDdx:
-      case Op::QuadDdy: return check(i.imm <= 1, "0 (coarse) or 1 (fine) expected");
-      case Op::QuadSwizzle: return check(i.imm <= 255, "two bits for each of four lanes expected");
-      case Op::TableLoad: return check(high < kTableCount, "no such table");
+      case Op::QuadDdy:
+        return check(i.imm <= 1, "0 (coarse) or 1 (fine) expected");
+      case Op::QuadSwizzle:
+        return check(i.imm <= 255, "two bits for each of four lanes expected");
+      case Op::TableLoad:
+        return check(high < kTableCount, "no such table");
       case Op::TileLoad:
       case Op::TileStore:
-        return check((i.imm & 0xffff) + typeBytes(i.op == Op::TileLoad ? i.type : type(i, 0)) <= (i.imm >> 16 & 0xffff),
+        return check((i.imm & 0xffff) + typeBytes(i.op == Op::TileLoad ? i.type : type(i, 0)) <=
+                         (i.imm >> 16 & 0xffff),
                      "value outside the plane's element");
       case Op::Atomic:
-      case Op::SharedAtomic: return check(high < std::size(kAtomicNames), "no such atomic operation");
-      case Op::ImageOp: return check(i.imm < f_.imageOps.size(), "no such image operation") && image(i, f_.imageOps[i.imm]);
-      case Op::Descriptor: return true;
+      case Op::SharedAtomic:
+        return check(high < std::size(kAtomicNames), "no such atomic operation");
+      case Op::ImageOp:
+        return check(i.imm < f_.imageOps.size(), "no such image operation") && image(i, f_.imageOps[i.imm]);
+      case Op::Descriptor:
+        return true;
       case Op::TupleGet:
         return check(f_.insts[f_.operands(i)[0]].op != Op::Descriptor || i.imm < 2, "no such component");
       case Op::Input:
@@ -200,26 +252,30 @@ class Verifier {
       case Op::LocalLoad:
       case Op::LocalStore:
       case Op::SharedLoad:
-      case Op::SharedStore: return check(high == 0, "immediate out of range");
-      default: return true;
+      case Op::SharedStore:
+        return check(high == 0, "immediate out of range");
+      default:
+        return true;
     }
   }
 
   // Whoever expands an image operation may rely on the operands that its description promises.
   bool image(const Inst& i, const ImageOpInfo& info) {
-    if (info.kind > ImageKind::QuerySamples || info.dim > ImageDim::SubpassData || info.atomic > AtomicOp::Store ||
-        info.texelType > Type::F64)
+    if (info.kind > ImageKind::QuerySamples || info.dim > ImageDim::SubpassData ||
+        info.atomic > AtomicOp::Store || info.texelType > Type::F64)
       return fail("no such image operation");
     const bool query = info.kind >= ImageKind::QuerySize && info.kind != ImageKind::QueryLod;
     const unsigned dimensions = imageDimensions(info.dim);
     unsigned want = query ? 2 : 2 + dimensions + info.arrayed;
-    constexpr ImageOperands kSingle[] = {kImageDref, kImageBias, kImageLod, kImageSample, kImageMinLod, kImageGatherComponent};
+    constexpr ImageOperands kSingle[] = {kImageDref,   kImageBias,   kImageLod,
+                                         kImageSample, kImageMinLod, kImageGatherComponent};
     for (ImageOperands o : kSingle) want += (info.operands & o) != 0;
     if (info.operands & kImageGrad) want += 2 * dimensions;
     if (info.operands & kImageOffset) want += dimensions;
     if (info.operands & kImageOffsets) want += 8;
     if (info.kind == ImageKind::Write) want += 4;
-    if (i.operandCount < want || type(i, 0) != Type::I32 || type(i, 1) != Type::I32) return fail("wrong operands");
+    if (i.operandCount < want || type(i, 0) != Type::I32 || type(i, 1) != Type::I32)
+      return fail("wrong operands");
     return true;
   }
 
@@ -240,15 +296,26 @@ class Verifier {
     switch (i.op) {
       case Op::If:
       case Op::Loop:
-      case Op::Block: openRegion(i.op); break;
+      case Op::Block:
+        openRegion(i.op);
+        break;
       case Op::Else:
         if (closeRegion(Op::If, Op::If, "no if is open here")) openRegion(Op::Else);
         break;
-      case Op::EndIf: closeRegion(Op::If, Op::Else, "no if is open here"); break;
-      case Op::EndLoop: closeRegion(Op::Loop, Op::Loop, "no loop is open here"); break;
-      case Op::EndBlock: closeRegion(Op::Block, Op::Block, "no block is open here"); break;
-      case Op::Break: check(i.imm < breakDepth_, "leaves more constructs than are open"); break;
-      default: break;
+      case Op::EndIf:
+        closeRegion(Op::If, Op::Else, "no if is open here");
+        break;
+      case Op::EndLoop:
+        closeRegion(Op::Loop, Op::Loop, "no loop is open here");
+        break;
+      case Op::EndBlock:
+        closeRegion(Op::Block, Op::Block, "no block is open here");
+        break;
+      case Op::Break:
+        check(i.imm < breakDepth_, "leaves more constructs than are open");
+        break;
+      default:
+        break;
     }
   }
 

@@ -23,7 +23,10 @@ TEST(Fold, everyPlainPureOperationOnOperandsIsFolded) {
     const OpInfo& info = opInfo(Op(k));
     if (!(info.flags & kPure) || (info.flags & kHigh) || info.operands == OperandRule::Free) continue;
     const bool isF = info.operands == OperandRule::Float || info.operands == OperandRule::CmpF;
-    Type operand = isF ? Type::F32 : info.operands == OperandRule::Mask ? Type::Mask : Type::I32, result = operand;
+    Type operand = isF                                  ? Type::F32
+                   : info.operands == OperandRule::Mask ? Type::Mask
+                                                        : Type::I32,
+         result = operand;
     if (info.result == ResultRule::Mask) result = Type::Mask;
     if (Op(k) == Op::FToF || Op(k) == Op::FToS || Op(k) == Op::FToU) operand = Type::F32;
     const uint64_t args[] = {1, 1, 1};

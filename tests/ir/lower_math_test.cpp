@@ -46,13 +46,18 @@ float one(Op op, float x, float y) { return run(op, {x}, {y})[0]; }
 double ulps(float got, double exact) {
   if (std::isnan(exact) || std::isnan(got)) return std::isnan(exact) == std::isnan(got) ? 0 : INFINITY;
   const auto nearest = float(exact);
-  if (got == nearest) return std::isinf(nearest) ? 0 : std::fabs(got - exact) / std::ldexp(1.0, std::max(std::ilogb(exact == 0 ? 1e-45 : exact), -126) - 23);
+  if (got == nearest)
+    return std::isinf(nearest)
+               ? 0
+               : std::fabs(got - exact) /
+                     std::ldexp(1.0, std::max(std::ilogb(exact == 0 ? 1e-45 : exact), -126) - 23);
   if (std::isinf(got) || std::isinf(nearest)) {
     // One step across the border of overflow is one unit.
     const double g = std::isinf(got) ? std::copysign(0x1p128, got) : got;
     return std::fabs(g - std::clamp(exact, -0x1p128, 0x1p128)) / 0x1p104;
   }
-  return std::fabs(got - exact) / std::ldexp(1.0, std::max(std::ilogb(exact == 0 ? 1e-45 : exact), -126) - 23);
+  return std::fabs(got - exact) /
+         std::ldexp(1.0, std::max(std::ilogb(exact == 0 ? 1e-45 : exact), -126) - 23);
 }
 
 std::vector<float> line(double from, double to, size_t count) {
@@ -63,8 +68,24 @@ std::vector<float> line(double from, double to, size_t count) {
 // Every exponent, random mantissas, both signs, and the special values.
 std::vector<float> everywhere(size_t count) {
   std::mt19937 random(7);
-  std::vector<float> x{0.f, -0.f, 1.f, -1.f, INFINITY, -INFINITY, NAN, 0x1p-149f, -0x1p-149f, 0x1p-126f, 0x1.fffffcp-127f,
-                       0x1.fffffep127f, -0x1.fffffep127f, 0.5f, -0.5f, 2.f, std::nextafter(1.f, 0.f), std::nextafter(1.f, 2.f)};
+  std::vector<float> x{0.f,
+                       -0.f,
+                       1.f,
+                       -1.f,
+                       INFINITY,
+                       -INFINITY,
+                       NAN,
+                       0x1p-149f,
+                       -0x1p-149f,
+                       0x1p-126f,
+                       0x1.fffffcp-127f,
+                       0x1.fffffep127f,
+                       -0x1.fffffep127f,
+                       0.5f,
+                       -0.5f,
+                       2.f,
+                       std::nextafter(1.f, 0.f),
+                       std::nextafter(1.f, 2.f)};
   while (x.size() < count) x.push_back(std::bit_cast<float>(uint32_t(random())));
   return x;
 }
@@ -90,14 +111,16 @@ TEST(LowerMath, exponentials) {
 }
 
 TEST(LowerMath, logarithms) {
-  for (const auto& x : {line(0, 4, 30001), line(0.99, 1.01, 10001), line(1e-40, 1e-37, 5001), everywhere(30000)}) {
+  for (const auto& x :
+       {line(0, 4, 30001), line(0.99, 1.01, 10001), line(1e-40, 1e-37, 5001), everywhere(30000)}) {
     EXPECT_LT(worst(Op::FLog2, x, std::log2), 2.5);
     EXPECT_LT(worst(Op::FLog, x, std::log), 1.6);
   }
 }
 
 TEST(LowerMath, trigonometry) {
-  for (const auto& x : {line(-3.15, 3.15, 30001), line(-100, 100, 20001), line(-2e5, 2e5, 30001), line(-5e5, 5e5, 20001)}) {
+  for (const auto& x :
+       {line(-3.15, 3.15, 30001), line(-100, 100, 20001), line(-2e5, 2e5, 30001), line(-5e5, 5e5, 20001)}) {
     EXPECT_LT(worst(Op::FSin, x, std::sin), 2.0);
     EXPECT_LT(worst(Op::FCos, x, std::cos), 2.0);
     EXPECT_LT(worst(Op::FTan, x, std::tan), 3.5);
@@ -105,7 +128,8 @@ TEST(LowerMath, trigonometry) {
 }
 
 TEST(LowerMath, hugeAnglesStayBounded) {
-  for (const auto& [op, exact] : {std::pair{Op::FSin, static_cast<double (*)(double)>(std::sin)}, {Op::FCos, std::cos}}) {
+  for (const auto& [op, exact] :
+       {std::pair{Op::FSin, static_cast<double (*)(double)>(std::sin)}, {Op::FCos, std::cos}}) {
     const std::vector<float> x = line(-0x1p22, 0x1p22, 20001), got = run(op, x);
     for (size_t k = 0; k < x.size(); ++k) ASSERT_NEAR(got[k], exact(x[k]), 1e-5);
   }
@@ -182,7 +206,8 @@ TEST(LowerMath, arcTangentOfTwo) {
   std::mt19937 random(5);
   std::shuffle(x.begin(), x.end(), random);
   for (float s : {0.f, -0.f, 1.f, -1.f, INFINITY, -INFINITY, NAN, 0x1p-149f, 0x1.fffffep127f})
-    for (float t : {0.f, -0.f, 1.f, -1.f, INFINITY, -INFINITY, NAN, 0x1p-149f, -0x1.fffffep127f, 0x1.fffffep127f})
+    for (float t :
+         {0.f, -0.f, 1.f, -1.f, INFINITY, -INFINITY, NAN, 0x1p-149f, -0x1.fffffep127f, 0x1.fffffep127f})
       y.push_back(s), x.push_back(t);
   for (double a = -3.2; a < 3.2; a += 1e-3) y.push_back(float(std::sin(a))), x.push_back(float(std::cos(a)));
   const std::vector<float> got = run(Op::FAtan2, y, x);
@@ -201,7 +226,8 @@ TEST(LowerMath, halvesAreRoundedOnce) {
   evaluate(f, e);
   ASSERT_EQ(e.error, "");
   size_t off = 0;
-  for (uint32_t h = 0; h < e.lanes; ++h) off += e.outputs[0][h] != halfFromDouble(std::exp2(halfToDouble(uint16_t(h))));
+  for (uint32_t h = 0; h < e.lanes; ++h)
+    off += e.outputs[0][h] != halfFromDouble(std::exp2(halfToDouble(uint16_t(h))));
   EXPECT_LT(off, 30u) << "only near midpoints may the two roundings differ";
 }
 

@@ -283,7 +283,9 @@ class Program {
   explicit Program(uint32_t seed) : random_(seed) {}
 
   std::string text() {
-    for (int k = 0; k < 4; ++k) line("%in" + std::to_string(k) + " = input i32 " + std::to_string(k)), values_.push_back("in" + std::to_string(k));
+    for (int k = 0; k < 4; ++k)
+      line("%in" + std::to_string(k) + " = input i32 " + std::to_string(k)),
+          values_.push_back("in" + std::to_string(k));
     for (int k = 0; k < 3; ++k) line("%v" + std::to_string(k) + " = var i32");
     // Fuel makes every loop end.
     line("%fuel = var i32\n%full = const i32 40\n%one = const i32 1\nvar.set %fuel, %full");
@@ -324,7 +326,8 @@ class Program {
   void statement(int depth, int breakable) {
     const unsigned what = pick(depth < 4 ? 16 : 11);
     if (what < 4) {
-      static const char* const kOps[] = {"iadd", "isub", "imul", "xor", "and", "or", "shl", "ashr", "smin", "umax", "udiv", "srem"};
+      static const char* const kOps[] = {"iadd", "isub", "imul", "xor",  "and",  "or",
+                                         "shl",  "ashr", "smin", "umax", "udiv", "srem"};
       const std::string a = value(), b = value(), n = fresh();
       line("%" + n + " = " + kOps[pick(12)] + " i32 %" + a + ", %" + b);
       values_.push_back(n);
@@ -336,8 +339,10 @@ class Program {
       const std::string a = value();
       line("var.set %v" + std::to_string(pick(3)) + ", %" + a);
     } else if (what == 10) {
-      if (breakable && pick(3) == 0) line("break " + std::to_string(pick(unsigned(breakable))));
-      else line("output " + std::to_string(3 + pick(3)) + " %" + value());
+      if (breakable && pick(3) == 0)
+        line("break " + std::to_string(pick(unsigned(breakable))));
+      else
+        line("output " + std::to_string(3 + pick(3)) + " %" + value());
     } else if (what < 14) {
       const std::string m = condition();
       line("if %" + m);
@@ -352,7 +357,8 @@ class Program {
       line("loop");
       const std::string f = fresh(), g = fresh(), m = fresh(), z = fresh();
       line("%" + f + " = var.get i32 %fuel\n%" + g + " = isub i32 %" + f + ", %one\nvar.set %fuel, %" + g);
-      line("%" + z + " = const i32 0\n%" + m + " = slt mask %" + g + ", %" + z + "\nif %" + m + "\nbreak 0\nendif");
+      line("%" + z + " = const i32 0\n%" + m + " = slt mask %" + g + ", %" + z + "\nif %" + m +
+           "\nbreak 0\nendif");
       region(depth + 1, breakable + 1);
       line("endloop");
     }
@@ -369,7 +375,8 @@ std::map<uint32_t, Row> outputsOf(const Function& f, uint32_t seed) {
   e.lanes = 16;
   std::mt19937 random(seed);
   for (uint32_t slot = 0; slot < 4; ++slot)
-    for (size_t l = 0; l < e.lanes; ++l) e.inputs[slot].push_back(random() % 3 ? random() % 8 : uint32_t(random()));
+    for (size_t l = 0; l < e.lanes; ++l)
+      e.inputs[slot].push_back(random() % 3 ? random() % 8 : uint32_t(random()));
   evaluate(f, e);
   EXPECT_EQ(e.error, "");
   for (uint32_t slot = 0; slot < 6; ++slot) e.outputs[slot].resize(e.lanes);
@@ -401,8 +408,8 @@ TEST(Optimise, randomProgramsComputeTheSame) {
   EXPECT_LT(after * 3, before * 2) << "at least a third of the instructions should vanish";
 }
 
-// A function may come from a cache file that anybody wrote: the verifier must stand anything, and what it lets
-// through must not harm the passes.
+// A function may come from a cache file that anybody wrote: the verifier must stand anything, and what it
+// lets through must not harm the passes.
 TEST(Verify, corruptedFunctionsAreRefusedOrHarmless) {
   std::mt19937 random(11);
   size_t accepted = 0;
@@ -411,13 +418,27 @@ TEST(Verify, corruptedFunctionsAreRefusedOrHarmless) {
     for (unsigned k = 0, n = 1 + random() % 3; k < n; ++k) {
       Inst& i = f.insts[random() % f.insts.size()];
       switch (random() % 7) {
-        case 0: i.op = Op(random() % (unsigned(Op::kCount) + 3)); break;
-        case 1: i.type = Type(random() % 12); break;
-        case 2: i.firstOperand = random() % 4 ? random() % 200 : uint32_t(random()); break;
-        case 3: i.operandCount = random() % 4 ? random() % 5 : uint32_t(random()); break;
-        case 4: i.imm = random() % 2 ? random() % 5 : uint64_t(random()) << 32; break;
-        case 5: f.operandPool[random() % f.operandPool.size()] = uint32_t(random() % (f.insts.size() + 9)); break;
-        case 6: std::swap(i, f.insts[random() % f.insts.size()]); break;
+        case 0:
+          i.op = Op(random() % (unsigned(Op::kCount) + 3));
+          break;
+        case 1:
+          i.type = Type(random() % 12);
+          break;
+        case 2:
+          i.firstOperand = random() % 4 ? random() % 200 : uint32_t(random());
+          break;
+        case 3:
+          i.operandCount = random() % 4 ? random() % 5 : uint32_t(random());
+          break;
+        case 4:
+          i.imm = random() % 2 ? random() % 5 : uint64_t(random()) << 32;
+          break;
+        case 5:
+          f.operandPool[random() % f.operandPool.size()] = uint32_t(random() % (f.insts.size() + 9));
+          break;
+        case 6:
+          std::swap(i, f.insts[random() % f.insts.size()]);
+          break;
       }
     }
     if (!verify(f).empty()) continue;
