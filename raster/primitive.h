@@ -50,7 +50,7 @@ struct SetupState {
   VkCullModeFlags cullMode = 0;
   VkFrontFace frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
   bool depthClampEnable = false;
-  bool depthClipEnable = true;
+  bool depthClipEnable = true;       //!< near and far clip where this is set and depthClampEnable is not
   bool provokingLast = false;
   bool depthBiasEnable = false;
   float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0;
@@ -72,9 +72,9 @@ struct Primitive {
   uint8_t edgeCount = 3;
   bool frontFacing = true;
   uint32_t primitiveId = 0;
-  int32_t minX, minY, maxX, maxY;  //!< pixels that may be covered, inclusive, inside `bounds`
-  float minZ, maxZ;                //!< bounds of depth over the primitive (after bias)
-  const Plane* planes = nullptr;   //!< [0] depth, [1] 1/w, then one per Varying (flat: origin holds the bits of a word, in `flat`)
+  int32_t minX, minY, maxX, maxY;  //!< pixels that may be covered, inclusive, inside `bounds` (triangles: and the viewport, which only this limits)
+  float minZ, maxZ;                //!< hold every depth that a record's plane gives at a covered sample, after bias; who clamps depth clamps these
+  const Plane* planes = nullptr;   //!< from the framebuffer's origin: [0] depth, [1] 1/w, then one per Varying: Perspective value/w, Linear the value
   const uint32_t* flat = nullptr;  //!< one word per Varying, valid for Flat ones
 };
 

@@ -16,6 +16,34 @@ VkRect2D intersect(const VkRect2D& r, int64_t left, int64_t top, int64_t right, 
   return result;
 }
 
+// Andrew's monotone chain; positive area2. Returns the number of corners left.
+uint32_t convexHull(SnappedPoint* corners, ClipVertex* polygon, uint32_t count) {
+  uint32_t order[kMaxClipVertices];
+  for (uint32_t i = 0; i < count; i++) order[i] = i;
+  std::sort(order, order + count, [&](uint32_t a, uint32_t b) {
+    return corners[a].x != corners[b].x ? corners[a].x < corners[b].x : corners[a].y < corners[b].y;
+  });
+  uint32_t hull[2 * kMaxClipVertices], n = 0, base = 0;
+  auto push = [&](uint32_t i) {
+    while (n >= base + 2 && area2(corners[hull[n - 2]], corners[hull[n - 1]], corners[i]) <= 0) n--;
+    hull[n++] = i;
+  };
+  for (uint32_t i = 0; i < count; i++) push(order[i]);
+  base = n - 1;
+  for (uint32_t i = count - 1; i-- > 0;) push(order[i]);
+  n--;  // the first again
+  SnappedPoint newCorners[kMaxClipVertices];
+  ClipVertex newPolygon[kMaxClipVertices];
+  n = std::min(n, kMaxClipVertices);
+  for (uint32_t i = 0; i < n; i++) {
+    newCorners[i] = corners[hull[i]];
+    newPolygon[i] = polygon[hull[i]];
+  }
+  std::copy(newCorners, newCorners + n, corners);
+  std::copy(newPolygon, newPolygon + n, polygon);
+  return n;
+}
+
 }  // namespace
 
 SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertices, base::Arena& arena, std::vector<Primitive>& out,
@@ -244,17 +272,19 @@ void SetupContext::clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting
     std::reverse(polygon, polygon + count);
   }
 
-  // Snapping may also dent a flat corner: then only some corners see the whole polygon, and the fan starts at one of these.
+  // Snapping may also dent a flat corner: then only some corners see the whole polygon, and the fan starts at one of these. If
+  // none does (a sliver that crosses itself by less than a snap), the hull stands for it: parts never overlap.
   auto part = [&](uint32_t apex, uint32_t i, uint32_t k) { return (apex + i + k) % count; };
-  uint32_t apex = 0;
-  for (uint32_t candidate = 0; candidate < count; candidate++) {
+  uint32_t apex = ~0u;
+  for (uint32_t candidate = 0; candidate < count && apex == ~0u; candidate++) {
     bool sees = true;
     for (uint32_t i = 1; i + 1 < count; i++)
       sees &= area2(corners[candidate], corners[part(candidate, i, 0)], corners[part(candidate, i, 1)]) >= 0;
-    if (sees) {
-      apex = candidate;
-      break;
-    }
+    if (sees) apex = candidate;
+  }
+  if (apex == ~0u) {
+    count = convexHull(corners, polygon, count);
+    apex = 0;
   }
 
   PlaneSet set;

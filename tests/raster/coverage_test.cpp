@@ -49,17 +49,17 @@ constexpr uint32_t kSampleCounts[] = {1, 2, 4, 8, 16};
 
 TEST(Coverage, RandomTrianglesInsideTheFramebufferAreExact) {
   std::mt19937 random(1);
-  for (int i = 0; i < 200; i++) expectExact(randomCorners(random, 0, kSize * 256, 1), kSampleCounts[i % 5]);
+  for (int i = 0; i < 120; i++) expectExact(randomCorners(random, 0, kSize * 256, 1), kSampleCounts[i % 5]);
 }
 
 TEST(Coverage, TrianglesOnPixelCentresAndHalfPixelsAreExact) {
   std::mt19937 random(2);
-  for (int i = 0; i < 200; i++) expectExact(randomCorners(random, 0, kSize * 256, i & 1 ? 128 : 64), kSampleCounts[i % 5]);
+  for (int i = 0; i < 120; i++) expectExact(randomCorners(random, 0, kSize * 256, i & 1 ? 128 : 64), kSampleCounts[i % 5]);
 }
 
 TEST(Coverage, SubpixelTrianglesAreExact) {
   std::mt19937 random(3);
-  for (int i = 0; i < 300; i++) {
+  for (int i = 0; i < 150; i++) {
     std::uniform_int_distribution<int64_t> place(0, (kSize - 8) * 256);
     const int64_t x = place(random), y = place(random);
     Corners c = randomCorners(random, 0, 16 << (i % 8), 1);
@@ -70,7 +70,7 @@ TEST(Coverage, SubpixelTrianglesAreExact) {
 
 TEST(Coverage, SliversAreExact) {
   std::mt19937 random(4);
-  for (int i = 0; i < 200; i++) {
+  for (int i = 0; i < 120; i++) {
     Corners c = randomCorners(random, 0, kSize * 256, 1);
     std::uniform_int_distribution<int64_t> nudge(-3, 3);
     // The third corner almost on the line of the others.
@@ -83,7 +83,7 @@ TEST(Coverage, LongEdgesAreExactAtEverySampleCount) {
   // Up to just inside of the guard band: the edges that need 64 bits. Floats hold k * 256 / 256 pixels up to 2^20 exactly
   // as clip coordinates of this viewport, when they are whole pixels.
   std::mt19937 random(5);
-  for (int i = 0; i < 300; i++) {
+  for (int i = 0; i < 150; i++) {
     const int64_t reach = int64_t(1) << (18 + i % 11);  // 2^10 to 2^20 pixels
     Corners c = randomCorners(random, -reach + 512 * 256, reach - 512 * 256, 256);
     expectExact(c, kSampleCounts[i % 5]);
@@ -93,7 +93,7 @@ TEST(Coverage, LongEdgesAreExactAtEverySampleCount) {
 TEST(Coverage, ScissorLimitsTheMasks) {
   std::mt19937 random(6);
   std::uniform_int_distribution<int32_t> place(0, kSize - 1);
-  for (int i = 0; i < 300; i++) {
+  for (int i = 0; i < 150; i++) {
     VkRect2D bounds{{place(random), place(random)}, {}};
     bounds.extent.width = uint32_t(place(random)) % (kSize - bounds.offset.x) + 1;
     bounds.extent.height = uint32_t(place(random)) % (kSize - bounds.offset.y) + 1;

@@ -47,6 +47,7 @@ TEST(Setup, ExtremeFinitePositionsDoNotOverflow) {
     draw.setup();
     Picture picture(kSize, kSize, 1);
     picture.draw(draw);
+    for (uint8_t count : picture.counts) ASSERT_LE(count, 1) << "run " << i;
     for (const Primitive& p : draw.primitives) {
       ASSERT_GE(p.minX, 0);
       ASSERT_LT(p.maxX, int32_t(kSize));
