@@ -1,6 +1,7 @@
 #include "spirv_interp/interpreter/code_list.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace pumice::interp {
 namespace {
@@ -87,11 +88,14 @@ bool CodeList::finish(std::vector<Code>& out, size_t& registerBytes) {
   auto units = [](const Row& r) { return r.bytes == 8 ? 2u : 1u; };
   auto give = [&](const Row& r) { (r.bytes ? rows : masks).give(r.place, units(r)); };
 
-  std::vector<std::vector<uint32_t>> starts(items_.size() + 1), ends(items_.size() + 1);
-  for (uint32_t r = 0; r < rows_.size(); r++) {
-    if (rows_[r].def == ~0u) continue;
-    starts[std::min<size_t>(rows_[r].def, items_.size())].push_back(r);
-    ends[std::min<size_t>(rows_[r].end, items_.size())].push_back(r);
+  // Rows that start and end at each item, as lists through the rows.
+  constexpr uint32_t kNone = ~0u;
+  std::vector<uint32_t> starts(items_.size(), kNone), ends(items_.size(), kNone);
+  std::vector<uint32_t> nextStart(rows_.size(), kNone), nextEnd(rows_.size(), kNone);
+  for (uint32_t r = uint32_t(rows_.size()); r-- > 0;) {
+    if (rows_[r].def == kNone) continue;   // never used
+    nextStart[r] = std::exchange(starts[rows_[r].def], r);
+    nextEnd[r] = std::exchange(ends[rows_[r].end], r);
   }
   for (size_t i = 0; i < items_.size(); i++) {
     const Item& item = items_[i];
@@ -99,14 +103,14 @@ bool CodeList::finish(std::vector<Code>& out, size_t& registerBytes) {
     // as a kernel may then overwrite what it has still to read.
     uint32_t reused = ~0u;
     const uint32_t dst = item.rows & 0x80 ? item.code.dst : ~0u;
-    if (dst != ~0u && rows_[dst].def == i && starts[i].size() == 1)
+    if (dst != ~0u && rows_[dst].def == i && nextStart[starts[i]] == kNone)
       for (unsigned k = 0; k < 5 && reused == ~0u; k++) {
         const uint32_t r = item.code.src[k];
         if (item.rows >> k & 1 && rows_[r].end == i && rows_[r].def != i && rows_[r].bytes == rows_[dst].bytes) reused = r;
       }
-    for (uint32_t r : starts[i])
+    for (uint32_t r = starts[i]; r != kNone; r = nextStart[r])
       rows_[r].place = r == dst && reused != ~0u ? rows_[reused].place : (rows_[r].bytes ? rows : masks).take(units(rows_[r]));
-    for (uint32_t r : ends[i])
+    for (uint32_t r = ends[i]; r != kNone; r = nextEnd[r])
       if (r != reused) give(rows_[r]);
     if (rows.size() > kMaxRowUnits) return false;
   }

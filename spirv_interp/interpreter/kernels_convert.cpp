@@ -139,7 +139,7 @@ HWY_INLINE const Code* vectors(RunState& s, const Code* c, F f) {
   const hn::CappedTag<TTo, 16> to;
   TTo* dst = s.row<TTo>(c->dst);
   const TFrom* a = s.row<TFrom>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i += hn::Lanes(from)) hn::Store(f(hn::Load(from, a + i)), to, dst + i);
+  for (size_t i = 0, end = s.rounded; i < end; i += hn::Lanes(from)) hn::Store(f(hn::Load(from, a + i)), to, dst + i);
   return c + 1;
 }
 const Code* f32ToS32(RunState& s, const Code* c) { return vectors<float, int32_t>(s, c, [](VF x) HWY_ATTR { return toSigned(x); }); }
@@ -152,14 +152,14 @@ const Code* u32ToF32(RunState& s, const Code* c) { return vectors<uint32_t, floa
 const Code* f32ToF16(RunState& s, const Code* c) {
   uint16_t* dst = s.row<uint16_t>(c->dst);
   const float* a = s.row<float>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i += 8)
+  for (size_t i = 0, end = s.rounded; i < end; i += 8)
     _mm_store_si128(reinterpret_cast<__m128i*>(dst + i), _mm256_cvtps_ph(_mm256_load_ps(a + i), _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC));
   return c + 1;
 }
 const Code* f16ToF32(RunState& s, const Code* c) {
   float* dst = s.row<float>(c->dst);
   const uint16_t* a = s.row<uint16_t>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i += 8)
+  for (size_t i = 0, end = s.rounded; i < end; i += 8)
     _mm256_store_ps(dst + i, _mm256_cvtph_ps(_mm_load_si128(reinterpret_cast<const __m128i*>(a + i))));
   return c + 1;
 }
@@ -171,19 +171,19 @@ constexpr Kernel f16ToF32 = convert<Float, float, Half>;
 const Code* canonHalf(RunState& s, const Code* c) {
   uint16_t* dst = s.row<uint16_t>(c->dst);
   const uint16_t* a = s.row<uint16_t>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i++) dst[i] = (a[i] & 0x7fffu) > 0x7c00u ? uint16_t(0x7e00u) : a[i];
+  for (size_t i = 0, end = s.rounded; i < end; i++) dst[i] = (a[i] & 0x7fffu) > 0x7c00u ? uint16_t(0x7e00u) : a[i];
   return c + 1;
 }
 const Code* negateHalf(RunState& s, const Code* c) {
   uint16_t* dst = s.row<uint16_t>(c->dst);
   const uint16_t* a = s.row<uint16_t>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i++) dst[i] = a[i] ^ 0x8000u;
+  for (size_t i = 0, end = s.rounded; i < end; i++) dst[i] = a[i] ^ 0x8000u;
   return c + 1;
 }
 const Code* absHalf(RunState& s, const Code* c) {
   uint16_t* dst = s.row<uint16_t>(c->dst);
   const uint16_t* a = s.row<uint16_t>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i++) dst[i] = a[i] & 0x7fffu;
+  for (size_t i = 0, end = s.rounded; i < end; i++) dst[i] = a[i] & 0x7fffu;
   return c + 1;
 }
 

@@ -88,7 +88,7 @@ const Code* unary(RunState& s, const Code* c) {
   const size_t n = hn::Lanes(d);
   T* dst = s.row<T>(c->dst);
   const T* a = s.row<T>(c->src[0]);
-  for (size_t i = 0; i < s.rounded; i += n) hn::Store(F::of(d, hn::Load(d, a + i)), d, dst + i);
+  for (size_t i = 0, end = s.rounded; i < end; i += n) hn::Store(F::of(d, hn::Load(d, a + i)), d, dst + i);
   return c + 1;
 }
 
@@ -113,7 +113,7 @@ const Code* binary(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const Source<T, kUA> a(s, c->src[0]);
   const Source<T, kUB> b(s, c->src[1]);
-  for (size_t i = 0; i < s.rounded; i += n) hn::Store(F::of(d, a[i], b[i]), d, dst + i);
+  for (size_t i = 0, end = s.rounded; i < end; i += n) hn::Store(F::of(d, a[i], b[i]), d, dst + i);
   return c + 1;
 }
 
@@ -131,9 +131,9 @@ const Code* compare(RunState& s, const Code* c) {
   uint64_t* dst = s.mask(c->dst);
   const Source<T, kUA> a(s, c->src[0]);
   const Source<T, kUB> b(s, c->src[1]);
-  for (size_t w = 0; w * 64 < s.rounded; w++) {
+  for (size_t w = 0, rounded = s.rounded; w * 64 < rounded; w++) {
     uint64_t bits = 0;
-    const size_t end = s.rounded - w * 64 < 64 ? s.rounded - w * 64 : 64;
+    const size_t end = rounded - w * 64 < 64 ? rounded - w * 64 : 64;
     for (size_t i = 0; i < end; i += n) bits |= bitsOf(d, F::of(d, a[w * 64 + i], b[w * 64 + i])) << i;
     dst[w] = bits;
   }
@@ -149,13 +149,13 @@ const Code* fma(RunState& s, const Code* c) {
   const Source<T, kUA> x(s, c->src[0]);
   const Source<T, kUB> y(s, c->src[1]);
   const Source<T, kUC> z(s, c->src[2]);
-  for (size_t i = 0; i < s.rounded; i += n) hn::Store(hn::MulAdd(x[i], y[i], z[i]), d, dst + i);
+  for (size_t i = 0, end = s.rounded; i < end; i += n) hn::Store(hn::MulAdd(x[i], y[i], z[i]), d, dst + i);
 #else
   (void)n;
   const T* x = kUA ? &s.uniform<T>(c->src[0]) : s.row<T>(c->src[0]);
   const T* y = kUB ? &s.uniform<T>(c->src[1]) : s.row<T>(c->src[1]);
   const T* z = kUC ? &s.uniform<T>(c->src[2]) : s.row<T>(c->src[2]);
-  for (size_t i = 0; i < s.rounded; i++) dst[i] = fmaExact(x[kUA ? 0 : i], y[kUB ? 0 : i], z[kUC ? 0 : i]);
+  for (size_t i = 0, end = s.rounded; i < end; i++) dst[i] = fmaExact(x[kUA ? 0 : i], y[kUB ? 0 : i], z[kUC ? 0 : i]);
 #endif
   return c + 1;
 }

@@ -154,8 +154,8 @@ const Code* compare(RunState& s, const Code* c) {
     const hn::CappedTag<T, 16> d;
     const size_t n = hn::Lanes(d);
     const auto ua = hn::Set(d, *a), ub = hn::Set(d, *b);
-    for (size_t w = 0; w * 64 < s.rounded; w++) {
-      const size_t end = s.rounded - w * 64 < 64 ? s.rounded - w * 64 : 64;
+    for (size_t w = 0, rounded = s.rounded; w * 64 < rounded; w++) {
+      const size_t end = rounded - w * 64 < 64 ? rounded - w * 64 : 64;
       uint64_t bits = 0;
       for (size_t i = 0; i < end; i += n) {
         const auto va = kUA ? ua : hn::Load(d, a + w * 64 + i);
@@ -167,7 +167,7 @@ const Code* compare(RunState& s, const Code* c) {
       out[w] = bits;
     }
   } else {
-    for (size_t i = 0; i < s.rounded; i++) out[i >> 6] |= uint64_t(F::one(a[kUA ? 0 : i], b[kUB ? 0 : i])) << (i & 63);
+    for (size_t i = 0, end = s.rounded; i < end; i++) out[i >> 6] |= uint64_t(F::one(a[kUA ? 0 : i], b[kUB ? 0 : i])) << (i & 63);
   }
   for (unsigned w = 0; w < kMaskWords; w++) dst[w] = out[w];
   return c + 1;

@@ -14,7 +14,7 @@ using ir::Op, ir::Type;
 template <class F>
 inline void eachActive(const RunState& s, F f) {
   if (s.full()) {
-    for (uint32_t i = 0; i < s.lanes; i++) f(i);
+    for (uint32_t i = 0, end = s.lanes; i < end; i++) f(i);
     return;
   }
   for (unsigned w = 0; w < kMaskWords; w++)
@@ -87,7 +87,7 @@ const Code* loadUniform(RunState& s, const Code* c) {
   uint64_t where;
   if (base && !s.none() && inside(offset, uint32_t(c->imm), sizeof(T), s.uniform<uint64_t>(c->src[2]), where))
     v = read<T>(reinterpret_cast<const void*>(base + where));
-  for (uint32_t i = 0; i < s.rounded; i++) dst[i] = v;
+  for (uint32_t i = 0, end = s.rounded; i < end; i++) dst[i] = v;
   return c + 1;
 }
 
@@ -187,7 +187,7 @@ template <class T>
 const Code* tableLoadUniform(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const T v = readTable<T>(s, c, s.uniform<uint32_t>(c->src[0]));
-  for (uint32_t i = 0; i < s.rounded; i++) dst[i] = v;
+  for (uint32_t i = 0, end = s.rounded; i < end; i++) dst[i] = v;
   return c + 1;
 }
 //! imm = offset in the draw constants; no operand.
@@ -197,7 +197,7 @@ const Code* uniformInput(RunState& s, const Code* c) {
   const Table& table = s.tables[ir::kTableDraw];
   uint64_t where;
   const T v = inside(0, uint32_t(c->imm), sizeof(T), table.size, where) ? read<T>(table.data + where) : T(0);
-  for (uint32_t i = 0; i < s.rounded; i++) dst[i] = v;
+  for (uint32_t i = 0, end = s.rounded; i < end; i++) dst[i] = v;
   return c + 1;
 }
 
@@ -301,7 +301,7 @@ template <class T>
 const Code* quadLoad(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const std::byte* const* records = s.context->quadRecords;
-  for (uint32_t q = 0; q * 4 < s.lanes; q++) {
+  for (uint32_t q = 0, lanes = s.lanes; q * 4 < lanes; q++) {
     const T v = read<T>(records[q] + c->imm);
     for (unsigned i = 0; i < 4; i++) dst[q * 4 + i] = v;
   }
@@ -313,7 +313,7 @@ const Code* tileLoad(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const TilePlane& plane = s.context->tilePlanes[c->imm >> 32];
   const uint64_t element = c->imm >> 16 & 0xffff, byteOffset = c->imm & 0xffff;
-  for (uint32_t q = 0; q * 4 < s.lanes; q++) {
+  for (uint32_t q = 0, lanes = s.lanes; q * 4 < lanes; q++) {
     if (!quadBits(s, q)) continue;
     const std::byte* p = plane.base + plane.quadElement[q] * element + byteOffset;
     if (element == sizeof(T)) std::memcpy(dst + q * 4, p, 4 * sizeof(T));
@@ -327,7 +327,7 @@ const Code* tileStore(RunState& s, const Code* c) {
   const T* value = s.row<T>(c->src[0]);
   const TilePlane& plane = s.context->tilePlanes[c->imm >> 32];
   const uint64_t element = c->imm >> 16 & 0xffff, byteOffset = c->imm & 0xffff;
-  for (uint32_t q = 0; q * 4 < s.lanes; q++) {
+  for (uint32_t q = 0, lanes = s.lanes; q * 4 < lanes; q++) {
     const unsigned bits = quadBits(s, q);
     if (!bits) continue;
     std::byte* p = plane.base + plane.quadElement[q] * element + byteOffset;

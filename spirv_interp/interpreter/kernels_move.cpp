@@ -106,7 +106,7 @@ const Code* quadSwizzle(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const T* a = s.row<T>(c->src[0]);
   const unsigned l0 = c->imm & 3, l1 = c->imm >> 2 & 3, l2 = c->imm >> 4 & 3, l3 = c->imm >> 6 & 3;
-  for (size_t i = 0; i < s.rounded; i += 4) {
+  for (size_t i = 0, end = s.rounded; i < end; i += 4) {
     const T v0 = a[i + l0], v1 = a[i + l1], v2 = a[i + l2], v3 = a[i + l3];
     dst[i] = v0;
     dst[i + 1] = v1;
@@ -123,7 +123,7 @@ const Code* derivative(RunState& s, const Code* c) {
   const T* a = s.row<T>(c->src[0]);
   const bool fine = c->imm != 0;
   constexpr unsigned kOther = 3 - kStep;
-  for (size_t i = 0; i < s.rounded; i += 4) {
+  for (size_t i = 0, end = s.rounded; i < end; i += 4) {
     const T first = a[i + kStep] - a[i];
     const T second = fine ? a[i + 3] - a[i + kOther] : first;
     dst[i] = dst[i + kStep] = first;
