@@ -71,7 +71,8 @@ class Filter {
   }
 
  private:
-  // Brings texel indices into the image.
+  // Brings texel indices into the image. Unless texel offsets were added (`anyInteger`) a periodic index is at most one
+  // step outside its period: makeAxis() removes the rest from the normalised coordinate.
   Value wrapIndex(uint8_t mode, Value i, Value extent, bool anyInteger) {
     Value zero = b_.i32(0), last = b_.isub(extent, b_.i32(1));
     switch (mode) {
@@ -80,15 +81,17 @@ class Filter {
           Value r = b_.srem(i, extent);
           return b_.select(b_.slt(r, zero), b_.iadd(r, extent), r);
         }
-        i = b_.select(b_.slt(i, zero), b_.iadd(i, extent), i);
-        return b_.select(b_.slt(last, i), b_.isub(i, extent), i);
+        i = b_.select(b_.slt(i, zero), last, i);
+        return b_.select(b_.slt(last, i), zero, i);
       }
       case VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT: {
         Value twice = b_.shl(extent, b_.i32(1));
-        if (anyInteger) i = b_.srem(i, twice);
-        i = b_.select(b_.slt(i, zero), b_.iadd(i, twice), i);
-        if (!anyInteger) i = b_.select(b_.sle(twice, i), b_.isub(i, twice), i);
-        return b_.select(b_.slt(last, i), b_.isub(b_.isub(twice, b_.i32(1)), i), i);
+        if (anyInteger) {
+          i = b_.srem(i, twice);
+          i = b_.select(b_.slt(i, zero), b_.iadd(i, twice), i);
+        }
+        // -1 and twice the size are both next to texel 0.
+        return b_.smax(b_.select(b_.slt(last, i), b_.isub(b_.isub(twice, b_.i32(1)), i), i), zero);
       }
       case VK_SAMPLER_ADDRESS_MODE_MIRROR_CLAMP_TO_EDGE: return b_.smin(b_.xor_(i, b_.ashr(i, b_.i32(31))), last);
       default: return b_.smin(b_.smax(i, zero), last);
