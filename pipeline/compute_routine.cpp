@@ -48,15 +48,11 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
   ComputeExpander expander(pipeline, key);
   ir::inlineShader(b, shader.function, expander);
   if (!expander.error().empty()) return base::Error{expander.error()};
-  if (shader.usesBarrier) {
-    // A group that is one row runs in lock step: every lane has done what stands before a barrier when it is reached.
-    if (invocations > interp::kMaxLanes)
-      return base::errorf("barriers in work groups of more than %u invocations are not supported yet (this one has %llu)",
-                          interp::kMaxLanes, static_cast<unsigned long long>(invocations));
-    for (ir::Inst& i : f.insts)
-      if (i.op == Op::Barrier) i = ir::Inst{};
-  }
-  auto code = finishRoutine(f, ir::Numerics::F32);
+  // A group that is one row runs in lock step: every lane has done what stands before a barrier when it is reached.
+  if (shader.usesBarrier && invocations > interp::kMaxLanes)
+    return base::errorf("barriers in work groups of more than %u invocations are not supported yet (this one has %llu)",
+                        interp::kMaxLanes, static_cast<unsigned long long>(invocations));
+  auto code = finishRoutine(f, ir::Numerics::F32, shader.usesBarrier);
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<ComputeRoutine>();
   routine->code = std::move(code).value();
