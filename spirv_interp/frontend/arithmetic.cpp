@@ -390,6 +390,44 @@ void onMulExtended(Translator& t, const Instruction& inst, uint32_t isSigned) {
   t.define(inst, std::move(low));
 }
 
+// --- integer dot products: aux bits: 1 first operand signed, 2 second signed, 4 accumulating with saturation
+
+Values integerVector(Translator& t, uint32_t id, Type to, bool isSigned) {
+  ir::Builder& b = t.b;
+  Values v = t.data(id), out;
+  if (v.size() == 1) {  // four 8-bit numbers packed
+    if (b.type(v[0]) != Type::I32) fail("a packed dot product of something other than 32 bits");
+    for (unsigned i = 0; i < 4; i++)
+      out.push_back(t.resize(b.convert(Op::Trunc, Type::I8, b.lshr(v[0], b.i32(8 * i))), to, isSigned));
+  } else {
+    for (Value x : v) out.push_back(t.resize(x, to, isSigned));
+  }
+  return out;
+}
+
+void onIntegerDot(Translator& t, const Instruction& inst, uint32_t aux) {
+  ir::Builder& b = t.b;
+  Type type = t.type(inst.resultType).scalar;
+  Values x = integerVector(t, inst.operand(0), type, aux & 1), y = integerVector(t, inst.operand(1), type, aux & 2);
+  if (x.size() != y.size() || x.empty()) fail("a dot product of different sizes");
+  Value sum = b.imul(x[0], y[0]);
+  for (size_t i = 1; i < x.size(); i++) sum = b.iadd(sum, b.imul(x[i], y[i]));
+  if (aux & 4) {
+    Value accumulator = t.scalar(inst.operand(2));
+    if (b.type(accumulator) != type) fail("an accumulator of the wrong type");
+    Value s = b.iadd(sum, accumulator), zero = b.zero(type), ones = b.not_(zero);
+    if (aux & 1) {
+      Value least = b.shl(b.constant(type, 1), b.constant(type, 8 * ir::typeBytes(type) - 1));
+      Value overflow = b.slt(b.and_(b.xor_(sum, s), b.xor_(accumulator, s)), zero);
+      s = b.select(overflow, b.select(b.slt(accumulator, zero), least, b.not_(least)), s);
+    } else {
+      s = b.select(b.ult(s, sum), ones, s);
+    }
+    sum = s;
+  }
+  t.define(inst, {sum});
+}
+
 // --- linear algebra
 
 bool noContraction(Translator& t, const Instruction& inst) {
@@ -564,6 +602,12 @@ constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpQuantizeToF16, onQuantizeToF16},
     {spv::Op::OpBitcast, onBitcast},
     {spv::Op::OpDot, onDot},
+    {spv::Op::OpSDot, onIntegerDot, 3},
+    {spv::Op::OpUDot, onIntegerDot, 0},
+    {spv::Op::OpSUDot, onIntegerDot, 1},
+    {spv::Op::OpSDotAccSat, onIntegerDot, 4 | 3},
+    {spv::Op::OpUDotAccSat, onIntegerDot, 4},
+    {spv::Op::OpSUDotAccSat, onIntegerDot, 4 | 1},
     {spv::Op::OpVectorTimesScalar, onTimesScalar},
     {spv::Op::OpMatrixTimesScalar, onTimesScalar},
     {spv::Op::OpMatrixTimesVector, onMatrixTimesVector},

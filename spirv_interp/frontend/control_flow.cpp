@@ -412,7 +412,11 @@ void Translator::translateFunctionCall(const Instruction& inst) {
   for (uint32_t id : inst.operands.subspan(1)) arguments.push_back(val(id));
   for (size_t i = 0; i < arguments.size(); i++) {
     const Instruction* parameter = module.definition(function.parameters[i]);
-    if (parameter) arguments[i].type = parameter->resultType;
+    if (!parameter) fail("parameter %u has no type", function.parameters[i]);
+    const TypeInfo& wanted = type(parameter->resultType);
+    if (arguments[i].kind == Val::Data && arguments[i].scalars.size() != wanted.scalars)
+      fail("a call with an argument of the wrong type");
+    arguments[i].type = parameter->resultType;
     setVal(function.parameters[i], std::move(arguments[i]));
   }
   frames_.emplace_back();

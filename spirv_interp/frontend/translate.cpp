@@ -41,7 +41,10 @@ constexpr C kCapabilities[] = {
     C::StorageImageArrayNonUniformIndexing, C::InputAttachmentArrayNonUniformIndexing,
     C::UniformTexelBufferArrayNonUniformIndexing, C::StorageTexelBufferArrayNonUniformIndexing,
     C::VulkanMemoryModel, C::VulkanMemoryModelDeviceScope, C::PhysicalStorageBufferAddresses,
-    C::DemoteToHelperInvocation, C::ExpectAssumeKHR, C::AtomicFloat32AddEXT,
+    C::DemoteToHelperInvocation, C::ExpectAssumeKHR, C::AtomicFloat32AddEXT, C::DotProduct, C::DotProductInputAll,
+    C::DotProductInput4x8Bit, C::DotProductInput4x8BitPacked,
+    // What lane IR does anyway.
+    C::DenormPreserve, C::SignedZeroInfNanPreserve, C::RoundingModeRTE,
 };
 
 std::optional<Stage> stageOf(spv::ExecutionModel model) {
@@ -324,6 +327,8 @@ Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stag
     return base::errorf("shader \"%s\": %s", where().c_str(), error.message.c_str());
   } catch (const std::bad_alloc&) {
     return base::errorf("shader \"%s\": out of memory", where().c_str());
+  } catch (const std::exception& error) {
+    return base::errorf("shader \"%s\": %s", where().c_str(), error.what());
   }
 }
 

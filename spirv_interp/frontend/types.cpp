@@ -142,6 +142,7 @@ void Translator::translateType(const Instruction& inst) {
     case spv::Op::OpTypeSampler: t.kind = TypeInfo::Sampler; break;
     case spv::Op::OpTypeSampledImage:
       t.kind = TypeInfo::SampledImage;
+      if (type(inst.operand(0)).kind != TypeInfo::Image) fail("OpTypeSampledImage %u of no image", inst.result);
       t.element = inst.operand(0);
       break;
     case spv::Op::OpTypeFunction: t.kind = TypeInfo::Function; break;
