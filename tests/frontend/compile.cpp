@@ -2,6 +2,7 @@
 
 #include <glslang/Public/ShaderLang.h>
 #include <glslang/SPIRV/GlslangToSpv.h>
+#include <spirv-tools/optimizer.hpp>
 
 namespace pumice::frontend::test {
 
@@ -75,6 +76,14 @@ std::vector<uint32_t> compileGlsl(GlslStage stage, const std::string& source, st
     *log = std::string(shader.getInfoLog()) + program.getInfoLog();
   }
   return words;
+}
+
+std::vector<uint32_t> optimised(const std::vector<uint32_t>& words) {
+  spvtools::Optimizer optimizer(SPV_ENV_VULKAN_1_3);
+  optimizer.RegisterPerformancePasses();
+  std::vector<uint32_t> out;
+  if (!optimizer.Run(words.data(), words.size(), &out)) out.clear();
+  return out;
 }
 
 }  // namespace pumice::frontend::test

@@ -14,4 +14,7 @@ enum class GlslStage { Vertex, Fragment, Compute };
 std::vector<uint32_t> compileGlsl(GlslStage stage, const std::string& source, std::string* log = nullptr,
                                   bool oldSpirv = false);
 
+//! The module after spirv-opt -O: values travel through OpPhi and OpSelect instead of variables.
+std::vector<uint32_t> optimised(const std::vector<uint32_t>& words);
+
 }  // namespace pumice::frontend::test

@@ -12,10 +12,14 @@ namespace pumice::frontend {
 namespace {
 
 std::shared_ptr<const Shader> translated(const std::string& glsl, bool oldSpirv,
-                                         test::GlslStage stage = test::GlslStage::Vertex) {
+                                         test::GlslStage stage = test::GlslStage::Vertex, bool optimise = false) {
   std::string log;
   auto words = test::compileGlsl(stage, glsl, &log, oldSpirv);
   EXPECT_FALSE(words.empty()) << log;
+  if (!words.empty() && optimise) {
+    words = test::optimised(words);
+    EXPECT_FALSE(words.empty()) << "spirv-opt failed";
+  }
   if (words.empty()) return nullptr;
   auto module = parseModule(words);
   EXPECT_TRUE(module.hasValue()) << (module ? "" : module.error().message);
@@ -30,8 +34,9 @@ std::shared_ptr<const Shader> translated(const std::string& glsl, bool oldSpirv,
 void compare(const std::string& code, int (*expected)(int, int)) {
   std::string glsl = "#version 450\nlayout(location=0) in ivec2 a;\nlayout(location=0) flat out int r;\n" + code +
                      "\nvoid main() { r = f(a.x, a.y); gl_Position = vec4(0); }\n";
-  for (bool oldSpirv : {false, true}) {
-    auto shader = translated(glsl, oldSpirv);
+  for (int variant = 0; variant < 3; variant++) {
+    SCOPED_TRACE("variant " + std::to_string(variant));
+    auto shader = translated(glsl, variant == 1, test::GlslStage::Vertex, variant == 2);
     if (!shader) return;
     std::vector<std::vector<uint32_t>> inputs;
     for (int x = -3; x < 9; x++)
