@@ -42,7 +42,7 @@ struct ExecContext {
   const void* const* inputs = nullptr;              //!< rows by input slot (a mask row: kMaxLanes bits)
   void* const* outputs = nullptr;                   //!< rows by output slot
   const Table* tables = nullptr;                    //!< kTableCount tables
-  const std::byte* const* quadRecords = nullptr;    //!< per quad: the record QuadLoad reads
+  const std::byte* const* quadRecords = nullptr;    //!< per quad (all of lanes / 4, active or not): the record QuadLoad reads
   const TilePlane* tilePlanes = nullptr;
   std::byte* shared = nullptr;                      //!< work-group memory
   uint64_t sharedBytes = 0;
@@ -54,7 +54,7 @@ class UniformBank {
   std::unique_ptr<uint64_t[]> slots;   //!< 8 bytes per value (masks: 0 or 1)
 };
 
-//! An executable routine. Immutable after compilation; run() may be called from many threads at once.
+//! An executable routine. The caller sets the floating-point environment (base/fpenv.h). Immutable after compilation; run() may be called from many threads at once.
 class Executable {
  public:
   virtual ~Executable() = default;

@@ -3,6 +3,7 @@
 #include <cstring>
 #include <memory>
 
+#include "base/log.h"
 #include "spirv_interp/interpreter/lower.h"
 
 namespace pumice::interp {
@@ -79,7 +80,7 @@ class Interpreted final : public Executable {
       s.registers = reinterpret_cast<std::byte*>((reinterpret_cast<uintptr_t>(memory) + kAlign - 1) & ~uintptr_t(kAlign - 1));
     } else {
       s.registers = scratch.get(bytes);
-      if (!s.registers) return;   // out of memory: the row is not drawn
+      if (!s.registers) return base::logError("out of memory: %u lanes were not run", context.lanes);
     }
     s.uniforms = reinterpret_cast<const std::byte*>(bank.slots.get());
     s.local = s.registers + p_.bodyRegisters;

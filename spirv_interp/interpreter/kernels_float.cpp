@@ -14,8 +14,10 @@ namespace pumice::interp::HWY_NAMESPACE {
 namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
+//! RunState::rounded is a multiple of it; the compiler unrolls the vectors of a block.
+constexpr size_t kBlock = 16;
 template <class T>
-using Tag = hn::CappedTag<T, 16>;   // RunState::rounded counts in vectors of at most 16 elements
+using Tag = hn::CappedTag<T, kBlock>;
 
 //! Correctly rounded a*b+c without hardware: the product is exact in double, the sum is rounded to odd, and
 //! so the last rounding sees which side of a tie it is on.
@@ -85,10 +87,11 @@ FORMULA1(Canon, hn::IfThenElse(hn::Not(hn::Eq(a, a)), hn::BitCast(d, hn::Set(hn:
 template <class F, class T>
 const Code* unary(RunState& s, const Code* c) {
   const Tag<T> d;
-  const size_t n = hn::Lanes(d);
+  constexpr size_t n = hn::MaxLanes(d);
   T* dst = s.row<T>(c->dst);
   const T* a = s.row<T>(c->src[0]);
-  for (size_t i = 0, end = s.rounded; i < end; i += n) hn::Store(F::of(d, hn::Load(d, a + i)), d, dst + i);
+  for (size_t block = 0, end = s.rounded; block < end; block += kBlock)
+    for (size_t i = block; i < block + kBlock; i += n) hn::Store(F::of(d, hn::Load(d, a + i)), d, dst + i);
   return c + 1;
 }
 
@@ -109,11 +112,12 @@ struct Source {
 template <class F, class T, bool kUA, bool kUB>
 const Code* binary(RunState& s, const Code* c) {
   const Tag<T> d;
-  const size_t n = hn::Lanes(d);
+  constexpr size_t n = hn::MaxLanes(d);
   T* dst = s.row<T>(c->dst);
   const Source<T, kUA> a(s, c->src[0]);
   const Source<T, kUB> b(s, c->src[1]);
-  for (size_t i = 0, end = s.rounded; i < end; i += n) hn::Store(F::of(d, a[i], b[i]), d, dst + i);
+  for (size_t block = 0, end = s.rounded; block < end; block += kBlock)
+    for (size_t i = block; i < block + kBlock; i += n) hn::Store(F::of(d, a[i], b[i]), d, dst + i);
   return c + 1;
 }
 
@@ -143,13 +147,14 @@ const Code* compare(RunState& s, const Code* c) {
 template <class T, bool kUA, bool kUB, bool kUC>
 const Code* fma(RunState& s, const Code* c) {
   const Tag<T> d;
-  const size_t n = hn::Lanes(d);
+  constexpr size_t n = hn::MaxLanes(d);
   T* dst = s.row<T>(c->dst);
 #if HWY_NATIVE_FMA
   const Source<T, kUA> x(s, c->src[0]);
   const Source<T, kUB> y(s, c->src[1]);
   const Source<T, kUC> z(s, c->src[2]);
-  for (size_t i = 0, end = s.rounded; i < end; i += n) hn::Store(hn::MulAdd(x[i], y[i], z[i]), d, dst + i);
+  for (size_t block = 0, end = s.rounded; block < end; block += kBlock)
+    for (size_t i = block; i < block + kBlock; i += n) hn::Store(hn::MulAdd(x[i], y[i], z[i]), d, dst + i);
 #else
   (void)n;
   const T* x = kUA ? &s.uniform<T>(c->src[0]) : s.row<T>(c->src[0]);
