@@ -19,39 +19,39 @@
 namespace pumice::cts {
 
 struct Edge {
-    glm::dvec2 a, b; // pixels
-    double tolerance = 1.0 / 128;
+  glm::dvec2 a, b;  // pixels
+  double tolerance = 1.0 / 128;
 };
 
 struct Expectation {
-    bool onGrid = true;       // every vertex lies exactly on the 1/256 grid
-    std::vector<Edge> edges;  // what decides coverage, where onGrid is false
-    bool stepFunctions = false;
-    int colourTolerance = 1;      // in 1/255
-    double depthTolerance = 0;    // for Picture::depth
-    double edgeShare = 0.0005;    // of all pixels
-    double stepShare = 0.001;
+  bool onGrid = true;       // every vertex lies exactly on the 1/256 grid
+  std::vector<Edge> edges;  // what decides coverage, where onGrid is false
+  bool stepFunctions = false;
+  int colourTolerance = 1;    // in 1/255
+  double depthTolerance = 0;  // for Picture::depth
+  double edgeShare = 0.0005;  // of all pixels
+  double stepShare = 0.001;
 };
 
 struct Comparison {
-    uint64_t pixels = 0;
-    uint64_t equal = 0;        // bit for bit
-    uint64_t withinColour = 0; // not equal, but within the colour tolerance
-    uint64_t nearEdge = 0;
-    uint64_t stepBorder = 0;
-    uint64_t wrong = 0;        // explained by nothing
-    uint64_t wrongDepth = 0;
-    double largestDepthError = 0;
-    bool passed = false;
+  uint64_t pixels = 0;
+  uint64_t equal = 0;         // bit for bit
+  uint64_t withinColour = 0;  // not equal, but within the colour tolerance
+  uint64_t nearEdge = 0;
+  uint64_t stepBorder = 0;
+  uint64_t wrong = 0;  // explained by nothing
+  uint64_t wrongDepth = 0;
+  double largestDepthError = 0;
+  bool passed = false;
 
-    struct FirstDifference {
-        uint32_t x, y;
-        std::array<int, 4> tested, peer;
-        float testedDepth = 0, peerDepth = 0;
-    };
-    std::optional<FirstDifference> first; // prefers a wrong pixel to a tolerated one
+  struct FirstDifference {
+    uint32_t x, y;
+    std::array<int, 4> tested, peer;
+    float testedDepth = 0, peerDepth = 0;
+  };
+  std::optional<FirstDifference> first;  // prefers a wrong pixel to a tolerated one
 
-    std::string summary() const;
+  std::string summary() const;
 };
 
 Comparison compare(const Picture& tested, const Picture& peer, const Expectation& expectation);
@@ -66,12 +66,11 @@ std::string outputDirectory();
 std::string leavePictures(const std::string& name, const Picture& tested, const Picture& peer);
 
 struct Viewport {
-    double x = 0, y = 0, width = 0, height = 0;
+  double x = 0, y = 0, width = 0, height = 0;
 };
 
 // The screen-space outline of triangles given in clip space (three vertices each), after clipping
 // in double precision against w > 0 and 0 <= z <= w.
-std::vector<Edge> edgesOfTriangles(const std::vector<glm::vec4>& clipPositions,
-                                   const Viewport& viewport);
+std::vector<Edge> edgesOfTriangles(const std::vector<glm::vec4>& clipPositions, const Viewport& viewport);
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

@@ -15,16 +15,14 @@ namespace pumice::cts {
 enum class Variant { kGood, kBroken };
 
 struct Scene {
-    std::string name;
-    std::string broken; // what the broken variant does wrong
-    std::function<Picture(Device&, Variant)> render;
-    std::function<Expectation()> expectation = [] { return Expectation{}; };
-    // False when the device does not report a format or feature that the scene needs.
-    std::function<bool(const Device&)> supported = [](const Device&) { return true; };
-    // A truth about the good picture alone; returns what is wrong, or nothing.
-    std::function<std::string(const Picture&)> verify = [](const Picture&) {
-        return std::string();
-    };
+  std::string name;
+  std::string broken;  // what the broken variant does wrong
+  std::function<Picture(Device&, Variant)> render;
+  std::function<Expectation()> expectation = [] { return Expectation{}; };
+  // False when the device does not report a format or feature that the scene needs.
+  std::function<bool(const Device&)> supported = [](const Device&) { return true; };
+  // A truth about the good picture alone; returns what is wrong, or nothing.
+  std::function<std::string(const Picture&)> verify = [](const Picture&) { return std::string(); };
 };
 
 const std::vector<Scene>& allScenes();
@@ -38,4 +36,4 @@ void addStateScenes(SceneList& scenes);
 void addShaderScenes(SceneList& scenes);
 void addInputScenes(SceneList& scenes);
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

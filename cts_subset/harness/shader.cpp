@@ -12,46 +12,46 @@ namespace pumice::cts {
 namespace {
 
 EShLanguage languageOf(VkShaderStageFlagBits stage) {
-    if (stage == VK_SHADER_STAGE_VERTEX_BIT) return EShLangVertex;
-    if (stage == VK_SHADER_STAGE_FRAGMENT_BIT) return EShLangFragment;
-    if (stage == VK_SHADER_STAGE_COMPUTE_BIT) return EShLangCompute;
-    throw std::runtime_error("compileGlsl: stage not known to the harness");
+  if (stage == VK_SHADER_STAGE_VERTEX_BIT) return EShLangVertex;
+  if (stage == VK_SHADER_STAGE_FRAGMENT_BIT) return EShLangFragment;
+  if (stage == VK_SHADER_STAGE_COMPUTE_BIT) return EShLangCompute;
+  throw std::runtime_error("compileGlsl: stage not known to the harness");
 }
 
 std::vector<uint32_t> compile(VkShaderStageFlagBits stage, const std::string& source) {
-    static const bool kStarted = glslang::InitializeProcess();
-    if (!kStarted) throw std::runtime_error("glslang does not start");
+  static const bool kStarted = glslang::InitializeProcess();
+  if (!kStarted) throw std::runtime_error("glslang does not start");
 
-    EShLanguage language = languageOf(stage);
-    glslang::TShader shader(language);
-    const char* text = source.c_str();
-    shader.setStrings(&text, 1);
-    shader.setEnvInput(glslang::EShSourceGlsl, language, glslang::EShClientVulkan, 100);
-    shader.setEnvClient(glslang::EShClientVulkan, glslang::EShTargetVulkan_1_0);
-    shader.setEnvTarget(glslang::EShTargetSpv, glslang::EShTargetSpv_1_0);
-    auto messages = static_cast<EShMessages>(EShMsgSpvRules | EShMsgVulkanRules);
-    if (!shader.parse(GetDefaultResources(), 450, false, messages))
-        throw std::runtime_error(std::string("glslang: ") + shader.getInfoLog() + "\n" + source);
-    glslang::TProgram program;
-    program.addShader(&shader);
-    if (!program.link(messages))
-        throw std::runtime_error(std::string("glslang: ") + program.getInfoLog() + "\n" + source);
+  EShLanguage language = languageOf(stage);
+  glslang::TShader shader(language);
+  const char* text = source.c_str();
+  shader.setStrings(&text, 1);
+  shader.setEnvInput(glslang::EShSourceGlsl, language, glslang::EShClientVulkan, 100);
+  shader.setEnvClient(glslang::EShClientVulkan, glslang::EShTargetVulkan_1_0);
+  shader.setEnvTarget(glslang::EShTargetSpv, glslang::EShTargetSpv_1_0);
+  auto messages = static_cast<EShMessages>(EShMsgSpvRules | EShMsgVulkanRules);
+  if (!shader.parse(GetDefaultResources(), 450, false, messages))
+    throw std::runtime_error(std::string("glslang: ") + shader.getInfoLog() + "\n" + source);
+  glslang::TProgram program;
+  program.addShader(&shader);
+  if (!program.link(messages))
+    throw std::runtime_error(std::string("glslang: ") + program.getInfoLog() + "\n" + source);
 
-    std::vector<uint32_t> words;
-    glslang::GlslangToSpv(*program.getIntermediate(language), words);
-    return words;
+  std::vector<uint32_t> words;
+  glslang::GlslangToSpv(*program.getIntermediate(language), words);
+  return words;
 }
 
-} // namespace
+}  // namespace
 
 const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source) {
-    static std::mutex lock;
-    static std::map<std::pair<int, std::string>, std::vector<uint32_t>> known;
-    std::lock_guard guard(lock);
-    auto key = std::make_pair(static_cast<int>(stage), source);
-    auto found = known.find(key);
-    if (found == known.end()) found = known.emplace(key, compile(stage, source)).first;
-    return found->second;
+  static std::mutex lock;
+  static std::map<std::pair<int, std::string>, std::vector<uint32_t>> known;
+  std::lock_guard guard(lock);
+  auto key = std::make_pair(static_cast<int>(stage), source);
+  auto found = known.find(key);
+  if (found == known.end()) found = known.emplace(key, compile(stage, source)).first;
+  return found->second;
 }
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

@@ -13,4 +13,4 @@ namespace pumice::cts {
 // The result is kept for the life of the process: both drivers get the very same words.
 const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source);
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

@@ -16,8 +16,8 @@
 namespace pumice::cts {
 
 struct VulkanError : std::runtime_error {
-    VulkanError(VkResult r, const std::string& what);
-    VkResult result;
+  VulkanError(VkResult r, const std::string& what);
+  VkResult result;
 };
 
 const char* resultName(VkResult result);
@@ -27,67 +27,67 @@ void check(VkResult result, const char* what);
 // The driver's manifest is $PUMICE_TEST_ICD, else the one of the build tree.
 void selectDrivers();
 std::string pumiceManifest();
-std::string lavapipeManifest(); // empty when lavapipe is not installed
+std::string lavapipeManifest();  // empty when lavapipe is not installed
 
 // Start of VkPhysicalDeviceProperties::deviceName of the driver under test ("Pumice", or
 // $PUMICE_TEST_DEVICE, with which the harness can be tried on lavapipe against itself).
 std::string testedDeviceName();
 inline constexpr const char* kLavapipeName = "llvmpipe";
 
-bool peersRequired();       // $PUMICE_REQUIRE_PEERS
-bool validationRequested(); // $PUMICE_VALIDATE
+bool peersRequired();        // $PUMICE_REQUIRE_PEERS
+bool validationRequested();  // $PUMICE_VALIDATE
 
 class VulkanInstance {
-public:
-    explicit VulkanInstance(bool validation);
-    ~VulkanInstance();
-    VulkanInstance(const VulkanInstance&) = delete;
-    VulkanInstance& operator=(const VulkanInstance&) = delete;
+ public:
+  explicit VulkanInstance(bool validation);
+  ~VulkanInstance();
+  VulkanInstance(const VulkanInstance&) = delete;
+  VulkanInstance& operator=(const VulkanInstance&) = delete;
 
-    VkInstance handle() const { return instance; }
-    // The device whose name starts with `prefix`, or null.
-    VkPhysicalDevice find(const std::string& prefix) const;
-    std::vector<std::string> deviceNames() const;
+  VkInstance handle() const { return instance; }
+  // The device whose name starts with `prefix`, or null.
+  VkPhysicalDevice find(const std::string& prefix) const;
+  std::vector<std::string> deviceNames() const;
 
-    // Warnings and errors of the validation layer since the last call. Zero without the layer.
-    std::vector<std::string> takeMessages();
-    void addMessage(std::string text);
-    static bool validationAvailable();
+  // Warnings and errors of the validation layer since the last call. Zero without the layer.
+  std::vector<std::string> takeMessages();
+  void addMessage(std::string text);
+  static bool validationAvailable();
 
-private:
-    VkInstance instance = VK_NULL_HANDLE;
-    VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
-    std::mutex messageLock;
-    std::vector<std::string> messages;
+ private:
+  VkInstance instance = VK_NULL_HANDLE;
+  VkDebugUtilsMessengerEXT messenger = VK_NULL_HANDLE;
+  std::mutex messageLock;
+  std::vector<std::string> messages;
 };
 
 // A logical device with its one graphics queue.
 class Device {
-public:
-    explicit Device(VkPhysicalDevice physical);
-    ~Device();
-    Device(const Device&) = delete;
-    Device& operator=(const Device&) = delete;
+ public:
+  explicit Device(VkPhysicalDevice physical);
+  ~Device();
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
 
-    VkDevice handle = VK_NULL_HANDLE;
-    VkPhysicalDevice physical = VK_NULL_HANDLE;
-    VkQueue queue = VK_NULL_HANDLE;
-    uint32_t family = 0;
-    VkPhysicalDeviceProperties properties{};
-    VkPhysicalDeviceFeatures features{};
-    VkPhysicalDeviceMemoryProperties memory{};
+  VkDevice handle = VK_NULL_HANDLE;
+  VkPhysicalDevice physical = VK_NULL_HANDLE;
+  VkQueue queue = VK_NULL_HANDLE;
+  uint32_t family = 0;
+  VkPhysicalDeviceProperties properties{};
+  VkPhysicalDeviceFeatures features{};
+  VkPhysicalDeviceMemoryProperties memory{};
 
-    std::string name() const { return properties.deviceName; }
-    bool supports(VkFormat format, VkFormatFeatureFlags optimalFeatures) const;
-    uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
+  std::string name() const { return properties.deviceName; }
+  bool supports(VkFormat format, VkFormatFeatureFlags optimalFeatures) const;
+  uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
 
-    // Records one command buffer, submits it and waits until it is done. Several threads may call
-    // this: each call has its own pool, and the queue is locked.
-    void run(const std::function<void(VkCommandBuffer)>& record);
-    void waitIdle();
+  // Records one command buffer, submits it and waits until it is done. Several threads may call
+  // this: each call has its own pool, and the queue is locked.
+  void run(const std::function<void(VkCommandBuffer)>& record);
+  void waitIdle();
 
-private:
-    std::mutex queueLock;
+ private:
+  std::mutex queueLock;
 };
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

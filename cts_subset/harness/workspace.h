@@ -11,76 +11,76 @@
 namespace pumice::cts {
 
 struct Buffer {
-    VkBuffer handle = VK_NULL_HANDLE;
-    VkDeviceSize size = 0;
-    std::byte* mapped = nullptr; // host-visible, coherent, mapped for its whole life
+  VkBuffer handle = VK_NULL_HANDLE;
+  VkDeviceSize size = 0;
+  std::byte* mapped = nullptr;  // host-visible, coherent, mapped for its whole life
 };
 
 struct ImageSpec {
-    VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
-    VkExtent3D extent{1, 1, 1};
-    VkImageUsageFlags usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
-    uint32_t mips = 1;
-    uint32_t layers = 1;
-    VkImageType type = VK_IMAGE_TYPE_2D;
-    VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL;
-    VkImageCreateFlags flags = 0;
+  VkFormat format = VK_FORMAT_R8G8B8A8_UNORM;
+  VkExtent3D extent{1, 1, 1};
+  VkImageUsageFlags usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+  uint32_t mips = 1;
+  uint32_t layers = 1;
+  VkImageType type = VK_IMAGE_TYPE_2D;
+  VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL;
+  VkImageCreateFlags flags = 0;
 };
 
 struct Image {
-    VkImage handle = VK_NULL_HANDLE;
-    ImageSpec spec;
-    VkImageAspectFlags aspects = VK_IMAGE_ASPECT_COLOR_BIT;
-    VkDeviceMemory memory = VK_NULL_HANDLE;
+  VkImage handle = VK_NULL_HANDLE;
+  ImageSpec spec;
+  VkImageAspectFlags aspects = VK_IMAGE_ASPECT_COLOR_BIT;
+  VkDeviceMemory memory = VK_NULL_HANDLE;
 };
 
 VkImageAspectFlags aspectsOf(VkFormat format);
 
 struct Pipeline {
-    VkPipeline handle = VK_NULL_HANDLE;
-    VkPipelineLayout layout = VK_NULL_HANDLE;
+  VkPipeline handle = VK_NULL_HANDLE;
+  VkPipelineLayout layout = VK_NULL_HANDLE;
 };
 
 struct Binding {
-    VkDescriptorType type;
-    VkDescriptorBufferInfo buffer{};
-    VkDescriptorImageInfo image{};
+  VkDescriptorType type;
+  VkDescriptorBufferInfo buffer{};
+  VkDescriptorImageInfo image{};
 };
 
 struct DescriptorSet {
-    VkDescriptorSetLayout layout = VK_NULL_HANDLE;
-    VkDescriptorSet handle = VK_NULL_HANDLE;
+  VkDescriptorSetLayout layout = VK_NULL_HANDLE;
+  VkDescriptorSet handle = VK_NULL_HANDLE;
 };
 
 class Workspace {
-public:
-    explicit Workspace(Device& d) : device(d) {}
-    ~Workspace();
-    Workspace(const Workspace&) = delete;
-    Workspace& operator=(const Workspace&) = delete;
+ public:
+  explicit Workspace(Device& d) : device(d) {}
+  ~Workspace();
+  Workspace(const Workspace&) = delete;
+  Workspace& operator=(const Workspace&) = delete;
 
-    Device& device;
+  Device& device;
 
-    Buffer buffer(VkDeviceSize size, VkBufferUsageFlags usage, const void* data = nullptr);
-    template <class T>
-    Buffer bufferOf(const std::vector<T>& data, VkBufferUsageFlags usage) {
-        return buffer(data.size() * sizeof(T), usage, data.data());
-    }
-    Image image(const ImageSpec& spec);
-    VkImageView view(const Image& image, VkImageAspectFlags aspects = 0);
-    VkSampler sampler(VkFilter filter, VkSamplerAddressMode mode);
-    VkShaderModule shader(VkShaderStageFlagBits stage, const std::string& glsl);
-    // Bindings 0, 1, ... of one set, visible to vertex and fragment shaders.
-    DescriptorSet descriptors(const std::vector<Binding>& bindings);
-    // An RGBA8 image ready to be sampled.
-    Image texture(uint32_t width, uint32_t height, const std::vector<uint8_t>& rgba,
-                  VkFormat format = VK_FORMAT_R8G8B8A8_UNORM);
+  Buffer buffer(VkDeviceSize size, VkBufferUsageFlags usage, const void* data = nullptr);
+  template <class T>
+  Buffer bufferOf(const std::vector<T>& data, VkBufferUsageFlags usage) {
+    return buffer(data.size() * sizeof(T), usage, data.data());
+  }
+  Image image(const ImageSpec& spec);
+  VkImageView view(const Image& image, VkImageAspectFlags aspects = 0);
+  VkSampler sampler(VkFilter filter, VkSamplerAddressMode mode);
+  VkShaderModule shader(VkShaderStageFlagBits stage, const std::string& glsl);
+  // Bindings 0, 1, ... of one set, visible to vertex and fragment shaders.
+  DescriptorSet descriptors(const std::vector<Binding>& bindings);
+  // An RGBA8 image ready to be sampled.
+  Image texture(uint32_t width, uint32_t height, const std::vector<uint8_t>& rgba,
+                VkFormat format = VK_FORMAT_R8G8B8A8_UNORM);
 
-    // Destroys `undo`'s object with the workspace, in reverse order of making.
-    void onDestroy(std::function<void()> undo) { undoList.push_back(std::move(undo)); }
+  // Destroys `undo`'s object with the workspace, in reverse order of making.
+  void onDestroy(std::function<void()> undo) { undoList.push_back(std::move(undo)); }
 
-private:
-    std::vector<std::function<void()>> undoList;
+ private:
+  std::vector<std::function<void()>> undoList;
 };
 
 // A barrier over the whole image that waits for everything before it.
@@ -88,4 +88,4 @@ void transition(VkCommandBuffer commands, const Image& image, VkImageLayout from
 // Makes all earlier writes visible to all later commands and to the host.
 void fullBarrier(VkCommandBuffer commands);
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

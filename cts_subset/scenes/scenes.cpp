@@ -3,18 +3,18 @@
 namespace pumice::cts {
 
 const std::vector<Scene>& allScenes() {
-    static const SceneList kScenes = [] {
-        SceneList scenes;
-        addBasicScenes(scenes);
-        addCoverageScenes(scenes);
-        addDepthScenes(scenes);
-        addTextureScenes(scenes);
-        addStateScenes(scenes);
-        addShaderScenes(scenes);
-        addInputScenes(scenes);
-        return scenes;
-    }();
-    return kScenes;
+  static const SceneList kScenes = [] {
+    SceneList scenes;
+    addBasicScenes(scenes);
+    addCoverageScenes(scenes);
+    addDepthScenes(scenes);
+    addTextureScenes(scenes);
+    addStateScenes(scenes);
+    addShaderScenes(scenes);
+    addInputScenes(scenes);
+    return scenes;
+  }();
+  return kScenes;
 }
 
-} // namespace pumice::cts
+}  // namespace pumice::cts

@@ -9,72 +9,71 @@ namespace pumice::cts {
 namespace {
 
 const Picture& peerPicture(const Scene& scene) {
-    static std::map<std::string, Picture> drawn;
-    auto found = drawn.find(scene.name);
-    if (found == drawn.end())
-        found = drawn.emplace(scene.name, scene.render(*world().peer, Variant::kGood)).first;
-    return found->second;
+  static std::map<std::string, Picture> drawn;
+  auto found = drawn.find(scene.name);
+  if (found == drawn.end())
+    found = drawn.emplace(scene.name, scene.render(*world().peer, Variant::kGood)).first;
+  return found->second;
 }
 
 class Gallery : public testing::TestWithParam<size_t> {
-protected:
-    const Scene& scene() const { return allScenes()[GetParam()]; }
+ protected:
+  const Scene& scene() const { return allScenes()[GetParam()]; }
 };
 
 // True whatever the peers do.
 TEST_P(Gallery, PictureIsRightInItself) {
-    PUMICE_NEED_TESTED();
-    if (!scene().supported(*world().tested))
-        GTEST_SKIP() << scene().name << ": not reported as supported by the device";
-    Picture picture = scene().render(*world().tested, Variant::kGood);
-    std::string wrong = scene().verify(picture);
-    if (!wrong.empty()) {
-        std::string path = outputDirectory() + "/" + scene().name + ".wrong.png";
-        writePng(path, picture);
-        FAIL() << wrong << "\nthe picture: " << path;
-    }
-    Picture again = scene().render(*world().tested, Variant::kGood);
-    EXPECT_TRUE(picture.rgba == again.rgba && picture.depth == again.depth)
-        << "two runs of the scene give different bits";
+  PUMICE_NEED_TESTED();
+  if (!scene().supported(*world().tested))
+    GTEST_SKIP() << scene().name << ": not reported as supported by the device";
+  Picture picture = scene().render(*world().tested, Variant::kGood);
+  std::string wrong = scene().verify(picture);
+  if (!wrong.empty()) {
+    std::string path = outputDirectory() + "/" + scene().name + ".wrong.png";
+    writePng(path, picture);
+    FAIL() << wrong << "\nthe picture: " << path;
+  }
+  Picture again = scene().render(*world().tested, Variant::kGood);
+  EXPECT_TRUE(picture.rgba == again.rgba && picture.depth == again.depth)
+      << "two runs of the scene give different bits";
 }
 
 TEST_P(Gallery, AgreesWithLavapipe) {
-    PUMICE_NEED_TESTED();
-    PUMICE_NEED_PEER();
-    if (!scene().supported(*world().tested) || !scene().supported(*world().peer))
-        GTEST_SKIP() << scene().name << ": not reported as supported by both devices";
-    Picture tested = scene().render(*world().tested, Variant::kGood);
-    const Picture& peer = peerPicture(scene());
-    Comparison result = compare(tested, peer, scene().expectation());
-    std::cout << scene().name << ": " << result.summary() << "\n";
-    EXPECT_TRUE(result.passed) << result.summary()
-                               << "\npictures: " << leavePictures(scene().name, tested, peer);
+  PUMICE_NEED_TESTED();
+  PUMICE_NEED_PEER();
+  if (!scene().supported(*world().tested) || !scene().supported(*world().peer))
+    GTEST_SKIP() << scene().name << ": not reported as supported by both devices";
+  Picture tested = scene().render(*world().tested, Variant::kGood);
+  const Picture& peer = peerPicture(scene());
+  Comparison result = compare(tested, peer, scene().expectation());
+  std::cout << scene().name << ": " << result.summary() << "\n";
+  EXPECT_TRUE(result.passed) << result.summary()
+                             << "\npictures: " << leavePictures(scene().name, tested, peer);
 }
 
 // The proof that the comparison can fail.
 TEST_P(Gallery, BrokenVariantIsCaught) {
-    PUMICE_NEED_TESTED();
-    PUMICE_NEED_PEER();
-    if (!scene().supported(*world().tested) || !scene().supported(*world().peer))
-        GTEST_SKIP() << scene().name << ": not reported as supported by both devices";
-    Picture broken = scene().render(*world().tested, Variant::kBroken);
-    const Picture& peer = peerPicture(scene());
-    Comparison result = compare(broken, peer, scene().expectation());
-    EXPECT_FALSE(result.passed) << "'" << scene().broken
-                                << "' was not noticed: " << result.summary() << "\npictures: "
-                                << leavePictures(scene().name + ".broken", broken, peer);
+  PUMICE_NEED_TESTED();
+  PUMICE_NEED_PEER();
+  if (!scene().supported(*world().tested) || !scene().supported(*world().peer))
+    GTEST_SKIP() << scene().name << ": not reported as supported by both devices";
+  Picture broken = scene().render(*world().tested, Variant::kBroken);
+  const Picture& peer = peerPicture(scene());
+  Comparison result = compare(broken, peer, scene().expectation());
+  EXPECT_FALSE(result.passed) << "'" << scene().broken << "' was not noticed: " << result.summary()
+                              << "\npictures: " << leavePictures(scene().name + ".broken", broken, peer);
 }
 
 std::vector<size_t> sceneNumbers() {
-    std::vector<size_t> numbers(allScenes().size());
-    for (size_t i = 0; i < numbers.size(); ++i) numbers[i] = i;
-    return numbers;
+  std::vector<size_t> numbers(allScenes().size());
+  for (size_t i = 0; i < numbers.size(); ++i) numbers[i] = i;
+  return numbers;
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, Gallery, testing::ValuesIn(sceneNumbers()),
                          [](const testing::TestParamInfo<size_t>& info) {
-                             return allScenes()[info.param].name;
+                           return allScenes()[info.param].name;
                          });
 
-} // namespace
-} // namespace pumice::cts
+}  // namespace
+}  // namespace pumice::cts

@@ -10,31 +10,32 @@
 namespace pumice::cts {
 
 struct World {
-    std::unique_ptr<VulkanInstance> instance;
-    std::unique_ptr<Device> tested; // null when the driver does not load
-    std::unique_ptr<Device> peer;   // null when lavapipe is not installed
-    std::string problem;            // why `tested` is null
+  std::unique_ptr<VulkanInstance> instance;
+  std::unique_ptr<Device> tested;  // null when the driver does not load
+  std::unique_ptr<Device> peer;    // null when lavapipe is not installed
+  std::string problem;             // why `tested` is null
 };
 
 // Made on first use, gone before main() returns.
 World& world();
 void endWorld();
 
-} // namespace pumice::cts
+}  // namespace pumice::cts
 
 // A missing Pumice is always a failure.
-#define PUMICE_NEED_TESTED()                                                                       \
-    do {                                                                                           \
-        if (!pumice::cts::world().tested) FAIL() << pumice::cts::world().problem;                  \
-    } while (false)
+#define PUMICE_NEED_TESTED()                                                  \
+  do {                                                                        \
+    if (!pumice::cts::world().tested) FAIL() << pumice::cts::world().problem; \
+  } while (false)
 
 // A missing lavapipe skips the test, or fails it under PUMICE_REQUIRE_PEERS=1.
-#define PUMICE_NEED_PEER()                                                                         \
-    do {                                                                                           \
-        if (!pumice::cts::world().peer) {                                                          \
-            const char* text = "lavapipe is not installed (package mesa-vulkan-drivers): nothing " \
-                               "to compare with";                                                  \
-            if (pumice::cts::peersRequired()) FAIL() << text << ", and PUMICE_REQUIRE_PEERS is set"; \
-            GTEST_SKIP() << text;                                                                  \
-        }                                                                                          \
-    } while (false)
+#define PUMICE_NEED_PEER()                                                                     \
+  do {                                                                                         \
+    if (!pumice::cts::world().peer) {                                                          \
+      const char* text =                                                                       \
+          "lavapipe is not installed (package mesa-vulkan-drivers): nothing "                  \
+          "to compare with";                                                                   \
+      if (pumice::cts::peersRequired()) FAIL() << text << ", and PUMICE_REQUIRE_PEERS is set"; \
+      GTEST_SKIP() << text;                                                                    \
+    }                                                                                          \
+  } while (false)
