@@ -22,6 +22,8 @@ void CommandBuffer::reset() {
   draw = {};
   dispatch = {};
   dynamic = {};
+  extended = {};
+  family = nullptr;
   captured = nullptr;
 }
 
@@ -32,7 +34,9 @@ void CommandBuffer::execute(Execution& e) const {
 
 // Many draws between two changes of state share one copy.
 const pipeline::DrawState* CommandBuffer::captureDraw() {
-  if (captured || !draw.pipeline) return captured;
+  if (captured) return captured;
+  if (family) draw.pipeline = family->member(extended);
+  if (!draw.pipeline) return nullptr;
   const pipeline::GraphicsState& s = pipeline::graphicsState(*draw.pipeline);
   auto is = [&](VkDynamicState state) { return s.dynamic >> state & 1; };
   draw.viewport = is(VK_DYNAMIC_STATE_VIEWPORT) ? dynamic.viewport : s.viewport;
@@ -148,6 +152,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindPipeline(VkCommandBuffer buffer, VkPipelineB
   CommandBuffer& cb = *from(buffer);
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     cb.draw.pipeline = from(pipeline)->graphics;
+    cb.family = from(pipeline)->family.get();
     cb.captured = nullptr;
   } else {
     cb.dispatch.pipeline = from(pipeline)->compute;

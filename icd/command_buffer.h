@@ -7,6 +7,7 @@
 
 #include "base/arena.h"
 #include "icd/descriptors.h"
+#include "icd/extended_state.h"
 #include "icd/pipelines.h"
 #include "icd/render_pass.h"
 #include "icd/sync.h"
@@ -97,6 +98,8 @@ struct CommandBuffer : Dispatchable {
     float lineWidth = 1, depthBias[3] = {}, blendConstants[4] = {}, depthBounds[2] = {0, 1};
     uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};
   } dynamic;
+  ExtendedState extended;
+  PipelineFamily* family = nullptr;                //!< of the bound pipeline, when it leaves extended state dynamic
   const pipeline::DrawState* captured = nullptr;   //!< copy in the arena; null when something changed
   const pipeline::DrawState* captureDraw();
 };

@@ -66,6 +66,49 @@ VKAPI_ATTR void VKAPI_CALL vkCmdNextSubpass2(VkCommandBuffer b, const VkSubpassB
 VKAPI_ATTR void VKAPI_CALL vkCmdEndRenderPass(VkCommandBuffer b) { end(*from(b)); }
 VKAPI_ATTR void VKAPI_CALL vkCmdEndRenderPass2(VkCommandBuffer b, const VkSubpassEndInfo*) { end(*from(b)); }
 
+// --- dynamic rendering
+
+static pipeline::Attachment renderingAttachment(const VkRenderingAttachmentInfo* info) {
+  pipeline::Attachment a;
+  const ImageView* view = info ? from(info->imageView) : nullptr;
+  if (!view) return a;
+  a = attachmentOf(*view);
+  a.loadOp = a.stencilLoadOp = info->loadOp;
+  a.storeOp = a.stencilStoreOp = info->storeOp;
+  a.clear = info->clearValue;
+  return a;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdBeginRendering(VkCommandBuffer buffer, const VkRenderingInfo* info) {
+  pipeline::PassBegin begin;
+  begin.renderArea = info->renderArea;
+  begin.width = uint32_t(info->renderArea.offset.x) + info->renderArea.extent.width;
+  begin.height = uint32_t(info->renderArea.offset.y) + info->renderArea.extent.height;
+  begin.layers = std::max(1u, info->layerCount);
+  begin.colorCount = std::min(info->colorAttachmentCount, pipeline::kMaxColorAttachments);
+  for (uint32_t i = 0; i < begin.colorCount; i++) {
+    begin.color[i] = renderingAttachment(&info->pColorAttachments[i]);
+    if (const ImageView* resolve = from(info->pColorAttachments[i].resolveImageView); resolve && info->pColorAttachments[i].resolveMode) begin.resolve[i] = attachmentOf(*resolve);
+  }
+  begin.depthStencil = renderingAttachment(info->pDepthAttachment);
+  pipeline::Attachment stencil = renderingAttachment(info->pStencilAttachment);
+  if (!begin.depthStencil.memory.layout) {
+    begin.depthStencil = stencil;
+  } else if (stencil.memory.layout) {
+    begin.depthStencil.stencilLoadOp = stencil.loadOp;
+    begin.depthStencil.stencilStoreOp = stencil.storeOp;
+    begin.depthStencil.clear.depthStencil.stencil = stencil.clear.depthStencil.stencil;
+  }
+  // A resumed scope continues what the suspended one stored.
+  if (info->flags & VK_RENDERING_RESUMING_BIT) {
+    for (auto& c : begin.color) c.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+    begin.depthStencil.loadOp = begin.depthStencil.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+  }
+  from(buffer)->record([begin](Execution& e) { e.beginPass(begin); });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdEndRendering(VkCommandBuffer b) { end(*from(b)); }
+
 VKAPI_ATTR void VKAPI_CALL vkCmdClearAttachments(VkCommandBuffer buffer, uint32_t attachmentCount, const VkClearAttachment* attachments, uint32_t rectCount, const VkClearRect* rects) {
   CommandBuffer& cb = *from(buffer);
   auto a = cb.keep(attachments, attachmentCount);

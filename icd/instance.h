@@ -10,7 +10,7 @@
 namespace pumice::icd {
 
 enum class Extension : uint8_t {
-#define PUMICE_EXTENSION(name, revision, level) name,
+#define PUMICE_EXTENSION(name, revision, level) k##name,   // pasted: the names themselves are macros of vulkan.h
 #include "icd/extensions.inc"
 #undef PUMICE_EXTENSION
   kCount

@@ -128,4 +128,12 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyBufferView(VkDevice handle, VkBufferView vie
   from(handle)->destroy(callbacks, from(view));
 }
 
+// An address is the memory's own.
+VKAPI_ATTR VkDeviceAddress VKAPI_CALL vkGetBufferDeviceAddress(VkDevice, const VkBufferDeviceAddressInfo* info) {
+  return reinterpret_cast<VkDeviceAddress>(from(info->buffer)->data);
+}
+// Capture and replay of addresses is not offered: 0, as the spec says for what cannot be replayed.
+VKAPI_ATTR uint64_t VKAPI_CALL vkGetBufferOpaqueCaptureAddress(VkDevice, const VkBufferDeviceAddressInfo*) { return 0; }
+VKAPI_ATTR uint64_t VKAPI_CALL vkGetDeviceMemoryOpaqueCaptureAddress(VkDevice, const VkDeviceMemoryOpaqueCaptureAddressInfo*) { return 0; }
+
 }  // namespace pumice::icd

@@ -179,7 +179,7 @@ void initPhysicalDevice(PhysicalDevice& device) {
   VkPhysicalDeviceProperties& p = device.properties;
   p.apiVersion = kApiVersion;
   p.driverVersion = VK_MAKE_VERSION(PUMICE_VERSION_MAJOR, PUMICE_VERSION_MINOR, PUMICE_VERSION_PATCH);
-  p.vendorID = VK_VENDOR_ID_KHRONOS;   // no identifier of our own is registered
+  p.vendorID = 0x10000;   // Khronos: no identifier of our own is registered
   p.deviceID = 1;
   p.deviceType = VK_PHYSICAL_DEVICE_TYPE_CPU;
   std::snprintf(p.deviceName, sizeof p.deviceName, "Pumice (%s, %u threads)", interp::interpreterTarget(), base::usableCpus());

@@ -54,11 +54,16 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage) {
 }
 
 // Everything of the create-info that is not ignored for this pipeline (spec, VkGraphicsPipelineCreateInfo).
-pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info) {
+pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info, uint32_t& extended) {
   pipeline::GraphicsState s;
   if (info.pDynamicState)
-    for (uint32_t i = 0; i < info.pDynamicState->dynamicStateCount; i++)
-      if (info.pDynamicState->pDynamicStates[i] < 32) s.dynamic |= 1u << info.pDynamicState->pDynamicStates[i];
+    for (uint32_t i = 0; i < info.pDynamicState->dynamicStateCount; i++) {
+      VkDynamicState d = info.pDynamicState->pDynamicStates[i];
+      if (d == VK_DYNAMIC_STATE_VIEWPORT_WITH_COUNT) d = VK_DYNAMIC_STATE_VIEWPORT;
+      if (d == VK_DYNAMIC_STATE_SCISSOR_WITH_COUNT) d = VK_DYNAMIC_STATE_SCISSOR;
+      if (d < 32) s.dynamic |= 1u << d;
+      extended |= extendedBit(d);
+    }
   if (auto* v = info.pVertexInputState) {
     s.vertexBindings.assign(v->pVertexBindingDescriptions, v->pVertexBindingDescriptions + v->vertexBindingDescriptionCount);
     s.vertexAttributes.assign(v->pVertexAttributeDescriptions, v->pVertexAttributeDescriptions + v->vertexAttributeDescriptionCount);
@@ -79,7 +84,7 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.depthBiasSlope = r->depthBiasSlopeFactor;
     s.lineWidth = r->lineWidth;
   }
-  if (s.rasterizerDiscard) return s;
+  if (s.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) return s;
   if (auto* v = info.pViewportState) {
     if (v->pViewports && v->viewportCount) s.viewport = v->pViewports[0];
     if (v->pScissors && v->scissorCount) s.scissor = v->pScissors[0];
@@ -99,6 +104,10 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.colorCount = uint32_t(std::min<size_t>(subpass->colors.size(), pipeline::kMaxColorAttachments));
     for (uint32_t i = 0; i < s.colorCount; i++) s.colorFormats[i] = format(subpass->colors[i]);
     s.depthStencilFormat = format(subpass->depthStencil);
+  } else if (auto* r = findInChain<VkPipelineRenderingCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO)) {
+    s.colorCount = std::min(r->colorAttachmentCount, pipeline::kMaxColorAttachments);
+    std::copy_n(r->pColorAttachmentFormats, s.colorCount, s.colorFormats);
+    s.depthStencilFormat = r->depthAttachmentFormat ? r->depthAttachmentFormat : r->stencilAttachmentFormat;
   }
   if (auto* d = info.pDepthStencilState; d && s.depthStencilFormat != VK_FORMAT_UNDEFINED) {
     s.depthTest = d->depthTestEnable;
@@ -120,12 +129,13 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
   return s;
 }
 
-base::Result<std::shared_ptr<pipeline::GraphicsPipeline>> makeGraphics(const VkGraphicsPipelineCreateInfo& info) {
-  pipeline::GraphicsState state = graphicsStateOf(info);
+base::Status makeGraphics(const VkGraphicsPipelineCreateInfo& info, Pipeline& out) {
+  uint32_t extended = 0;
+  pipeline::GraphicsState state = graphicsStateOf(info, extended);
   std::shared_ptr<const frontend::Shader> vertex, fragment;
   for (uint32_t i = 0; i < info.stageCount; i++) {
     const auto& stage = info.pStages[i];
-    if (stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT && state.rasterizerDiscard) continue;
+    if (stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT && state.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) continue;
     auto* slot = stage.stage == VK_SHADER_STAGE_VERTEX_BIT ? &vertex : stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT ? &fragment : nullptr;
     if (!slot) return base::Error{"tessellation and geometry stages are not supported"};
     auto shader = translateStage(stage);
@@ -133,7 +143,13 @@ base::Result<std::shared_ptr<pipeline::GraphicsPipeline>> makeGraphics(const VkG
     *slot = *shader;
   }
   if (!vertex) return base::Error{"a graphics pipeline needs a vertex shader"};
-  return pipeline::createGraphicsPipeline(std::move(state), from(info.layout)->layout, std::move(vertex), std::move(fragment));
+  auto layout = from(info.layout)->layout;
+  if (extended) out.family = std::make_unique<PipelineFamily>(extended, state, layout, vertex, fragment);
+  // A family is tried with the static values, so that what cannot work fails here and not at a draw.
+  auto made = pipeline::createGraphicsPipeline(std::move(state), std::move(layout), std::move(vertex), std::move(fragment));
+  if (!made) return std::move(made).error();
+  if (!extended) out.graphics = *made;
+  return {};
 }
 
 base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkComputePipelineCreateInfo& info) {
@@ -234,11 +250,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkMergePipelineCaches(VkDevice, VkPipelineCache, 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateGraphicsPipelines(VkDevice device, VkPipelineCache, uint32_t count, const VkGraphicsPipelineCreateInfo* infos,
                                                          const VkAllocationCallbacks* callbacks, VkPipeline* out) {
   return createPipelines(device, count, infos, callbacks, out, "vkCreateGraphicsPipelines", [](const VkGraphicsPipelineCreateInfo& info, Pipeline& p) -> base::Status {
-    auto made = makeGraphics(info);
-    if (!made) return std::move(made).error();
     p.bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
-    p.graphics = *made;
-    return {};
+    return makeGraphics(info, p);
   });
 }
 

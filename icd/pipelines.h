@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "icd/device.h"
+#include "icd/extended_state.h"
 #include "pipeline/pipeline.h"
 
 namespace pumice::icd {
@@ -23,6 +24,7 @@ struct PipelineCache {
 struct Pipeline {
   VkPipelineBindPoint bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
   std::shared_ptr<pipeline::GraphicsPipeline> graphics;
+  std::unique_ptr<PipelineFamily> family;   //!< when extended state is dynamic; then `graphics` is null
   std::shared_ptr<pipeline::ComputePipeline> compute;
 };
 

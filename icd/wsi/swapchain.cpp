@@ -69,7 +69,8 @@ namespace {
 SyncHub& hub(const Swapchain& s) { return s.device->queue.worker->hub(); }
 
 VkImageCreateInfo imageInfo(const VkSwapchainCreateInfoKHR& info) {
-  VkImageCreateInfo image{VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO};
+  VkImageCreateInfo image{};
+  image.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
   image.imageType = VK_IMAGE_TYPE_2D;
   image.format = info.imageFormat;
   image.extent = {info.imageExtent.width, info.imageExtent.height, 1};

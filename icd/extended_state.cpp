@@ -1,0 +1,143 @@
+#include "icd/extended_state.h"
+
+#include <cstring>
+
+#include "base/log.h"
+#include "entrypoints.h"
+#include "icd/command_buffer.h"
+
+namespace pumice::icd {
+namespace {
+
+struct StateBit {
+  VkDynamicState state;
+  uint32_t bit;
+};
+constexpr StateBit kBits[] = {
+    {VK_DYNAMIC_STATE_CULL_MODE, kDynamicCullMode},
+    {VK_DYNAMIC_STATE_FRONT_FACE, kDynamicFrontFace},
+    {VK_DYNAMIC_STATE_PRIMITIVE_TOPOLOGY, kDynamicTopology},
+    {VK_DYNAMIC_STATE_VERTEX_INPUT_BINDING_STRIDE, kDynamicStride},
+    {VK_DYNAMIC_STATE_DEPTH_TEST_ENABLE, kDynamicDepthTest},
+    {VK_DYNAMIC_STATE_DEPTH_WRITE_ENABLE, kDynamicDepthWrite},
+    {VK_DYNAMIC_STATE_DEPTH_COMPARE_OP, kDynamicDepthCompare},
+    {VK_DYNAMIC_STATE_DEPTH_BOUNDS_TEST_ENABLE, kDynamicDepthBoundsTest},
+    {VK_DYNAMIC_STATE_STENCIL_TEST_ENABLE, kDynamicStencilTest},
+    {VK_DYNAMIC_STATE_STENCIL_OP, kDynamicStencilOp},
+    {VK_DYNAMIC_STATE_RASTERIZER_DISCARD_ENABLE, kDynamicRasterizerDiscard},
+    {VK_DYNAMIC_STATE_DEPTH_BIAS_ENABLE, kDynamicDepthBias},
+    {VK_DYNAMIC_STATE_PRIMITIVE_RESTART_ENABLE, kDynamicPrimitiveRestart},
+};
+
+void setOps(VkStencilOpState& to, const VkStencilOpState& from) {
+  to.failOp = from.failOp;
+  to.passOp = from.passOp;
+  to.depthFailOp = from.depthFailOp;
+  to.compareOp = from.compareOp;
+}
+
+void apply(pipeline::GraphicsState& s, uint32_t mask, const ExtendedState& v) {
+  if (mask & kDynamicCullMode) s.cullMode = v.cullMode;
+  if (mask & kDynamicFrontFace) s.frontFace = VkFrontFace(v.frontFace);
+  if (mask & kDynamicTopology) s.topology = VkPrimitiveTopology(v.topology);
+  if (mask & kDynamicStride)
+    for (auto& b : s.vertexBindings)
+      if (b.binding < pipeline::kMaxVertexBindings) b.stride = v.strides[b.binding];
+  if (mask & kDynamicDepthTest) s.depthTest = v.depthTest;
+  if (mask & kDynamicDepthWrite) s.depthWrite = v.depthWrite;
+  if (mask & kDynamicDepthCompare) s.depthCompare = VkCompareOp(v.depthCompare);
+  if (mask & kDynamicDepthBoundsTest) s.depthBoundsTest = v.depthBoundsTest;
+  if (mask & kDynamicStencilTest) s.stencilTest = v.stencilTest;
+  if (mask & kDynamicStencilOp) setOps(s.stencilFront, v.stencil[0]), setOps(s.stencilBack, v.stencil[1]);
+  if (mask & kDynamicRasterizerDiscard) s.rasterizerDiscard = v.rasterizerDiscard;
+  if (mask & kDynamicDepthBias) s.depthBias = v.depthBias;
+  if (mask & kDynamicPrimitiveRestart) s.primitiveRestart = v.primitiveRestart;
+  // Without a depth aspect, or without the test, nothing is written.
+  if (s.depthStencilFormat == VK_FORMAT_UNDEFINED) s.depthTest = s.depthBoundsTest = s.stencilTest = false;
+  s.depthWrite = s.depthWrite && s.depthTest;
+}
+
+}  // namespace
+
+uint32_t extendedBit(VkDynamicState state) {
+  for (const StateBit& b : kBits)
+    if (b.state == state) return b.bit;
+  return 0;
+}
+
+std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const ExtendedState& values) {
+  pipeline::GraphicsState state = state_;
+  apply(state, mask_, values);
+  // The key is what differs: the values that this pipeline leaves dynamic.
+  ExtendedState relevant;
+  auto take = [&](uint32_t bit, uint32_t& to, uint32_t from) { to = mask_ & bit ? from : 0; };
+  take(kDynamicCullMode, relevant.cullMode, values.cullMode);
+  take(kDynamicFrontFace, relevant.frontFace, values.frontFace);
+  take(kDynamicTopology, relevant.topology, values.topology);
+  take(kDynamicDepthTest, relevant.depthTest, values.depthTest);
+  take(kDynamicDepthWrite, relevant.depthWrite, values.depthWrite);
+  take(kDynamicDepthCompare, relevant.depthCompare, values.depthCompare);
+  take(kDynamicDepthBoundsTest, relevant.depthBoundsTest, values.depthBoundsTest);
+  take(kDynamicStencilTest, relevant.stencilTest, values.stencilTest);
+  take(kDynamicRasterizerDiscard, relevant.rasterizerDiscard, values.rasterizerDiscard);
+  take(kDynamicDepthBias, relevant.depthBias, values.depthBias);
+  take(kDynamicPrimitiveRestart, relevant.primitiveRestart, values.primitiveRestart);
+  if (mask_ & kDynamicStencilOp) std::memcpy(relevant.stencil, values.stencil, sizeof relevant.stencil);
+  if (mask_ & kDynamicStride)
+    for (auto& b : state_.vertexBindings)
+      if (b.binding < pipeline::kMaxVertexBindings) relevant.strides[b.binding] = values.strides[b.binding];
+  std::string key(reinterpret_cast<const char*>(&relevant), sizeof relevant);
+  std::lock_guard lock(mutex_);
+  auto& slot = members_[key];
+  if (!slot) {
+    auto made = pipeline::createGraphicsPipeline(std::move(state), layout_, vertex_, state.rasterizerDiscard ? nullptr : fragment_);
+    if (!made) {
+      base::logError("a draw with dynamic state: %s", made.error().message.c_str());
+      return nullptr;
+    }
+    slot = *made;
+  }
+  return slot;
+}
+
+// --- the commands
+
+#define PUMICE_SETTER(command, type, member)                                  \
+  VKAPI_ATTR void VKAPI_CALL command(VkCommandBuffer buffer, type value) {    \
+    from(buffer)->extended.member = uint32_t(value);                          \
+    from(buffer)->captured = nullptr;                                         \
+  }
+PUMICE_SETTER(vkCmdSetCullMode, VkCullModeFlags, cullMode)
+PUMICE_SETTER(vkCmdSetFrontFace, VkFrontFace, frontFace)
+PUMICE_SETTER(vkCmdSetPrimitiveTopology, VkPrimitiveTopology, topology)
+PUMICE_SETTER(vkCmdSetDepthTestEnable, VkBool32, depthTest)
+PUMICE_SETTER(vkCmdSetDepthWriteEnable, VkBool32, depthWrite)
+PUMICE_SETTER(vkCmdSetDepthCompareOp, VkCompareOp, depthCompare)
+PUMICE_SETTER(vkCmdSetDepthBoundsTestEnable, VkBool32, depthBoundsTest)
+PUMICE_SETTER(vkCmdSetStencilTestEnable, VkBool32, stencilTest)
+PUMICE_SETTER(vkCmdSetRasterizerDiscardEnable, VkBool32, rasterizerDiscard)
+PUMICE_SETTER(vkCmdSetDepthBiasEnable, VkBool32, depthBias)
+PUMICE_SETTER(vkCmdSetPrimitiveRestartEnable, VkBool32, primitiveRestart)
+#undef PUMICE_SETTER
+
+VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilOp(VkCommandBuffer buffer, VkStencilFaceFlags faces, VkStencilOp fail, VkStencilOp pass, VkStencilOp depthFail, VkCompareOp compare) {
+  VkStencilOpState ops{fail, pass, depthFail, compare, 0, 0, 0};
+  for (uint32_t i = 0; i < 2; i++)
+    if (faces >> i & 1) setOps(from(buffer)->extended.stencil[i], ops);
+  from(buffer)->captured = nullptr;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdSetViewportWithCount(VkCommandBuffer b, uint32_t count, const VkViewport* viewports) { vkCmdSetViewport(b, 0, count, viewports); }
+VKAPI_ATTR void VKAPI_CALL vkCmdSetScissorWithCount(VkCommandBuffer b, uint32_t count, const VkRect2D* scissors) { vkCmdSetScissor(b, 0, count, scissors); }
+
+VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers2(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkBuffer* buffers, const VkDeviceSize* offsets,
+                                                   const VkDeviceSize* sizes, const VkDeviceSize* strides) {
+  CommandBuffer& cb = *from(buffer);
+  vkCmdBindVertexBuffers(buffer, first, count, buffers, offsets);
+  for (uint32_t i = 0; i < count && first + i < pipeline::kMaxVertexBindings; i++) {
+    if (sizes && buffers[i]) cb.draw.vertexBuffers[first + i].size = from(buffers[i])->range(offsets[i], sizes[i]).size;
+    if (strides) cb.extended.strides[first + i] = uint32_t(strides[i]);
+  }
+}
+
+}  // namespace pumice::icd

@@ -1,0 +1,59 @@
+// The dynamic state of Vulkan 1.3 that routines are specialised for (cull mode, depth test, topology, strides, ...).
+// A pipeline that leaves some of it dynamic is a family: for each combination of values that draws really use, one member
+// with these values as its static state, found by the values' bytes.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "icd/vulkan.h"
+#include "pipeline/pipeline.h"
+
+namespace pumice::icd {
+
+enum ExtendedBit : uint32_t {
+  kDynamicCullMode = 1 << 0,
+  kDynamicFrontFace = 1 << 1,
+  kDynamicTopology = 1 << 2,
+  kDynamicStride = 1 << 3,
+  kDynamicDepthTest = 1 << 4,
+  kDynamicDepthWrite = 1 << 5,
+  kDynamicDepthCompare = 1 << 6,
+  kDynamicDepthBoundsTest = 1 << 7,
+  kDynamicStencilTest = 1 << 8,
+  kDynamicStencilOp = 1 << 9,
+  kDynamicRasterizerDiscard = 1 << 10,
+  kDynamicDepthBias = 1 << 11,
+  kDynamicPrimitiveRestart = 1 << 12,
+};
+//! 0 for states of other kinds.
+uint32_t extendedBit(VkDynamicState state);
+
+//! Values set so far in a command buffer. Zero-initialised; compared as bytes.
+struct ExtendedState {
+  uint32_t cullMode = 0, frontFace = 0, topology = 0;
+  uint32_t depthTest = 0, depthWrite = 0, depthCompare = 0, depthBoundsTest = 0, stencilTest = 0;
+  uint32_t rasterizerDiscard = 0, depthBias = 0, primitiveRestart = 0;
+  VkStencilOpState stencil[2] = {};    //!< front, back: operations and compare op only
+  uint32_t strides[pipeline::kMaxVertexBindings] = {};
+};
+
+class PipelineFamily {
+ public:
+  PipelineFamily(uint32_t mask, pipeline::GraphicsState state, std::shared_ptr<const pipeline::Layout> layout,
+                 std::shared_ptr<const frontend::Shader> vertex, std::shared_ptr<const frontend::Shader> fragment)
+      : mask_(mask), state_(std::move(state)), layout_(std::move(layout)), vertex_(std::move(vertex)), fragment_(std::move(fragment)) {}
+  //! The member for these values; null (and a logged reason) if it cannot be made. Thread-safe.
+  std::shared_ptr<pipeline::GraphicsPipeline> member(const ExtendedState& values);
+
+ private:
+  uint32_t mask_;
+  pipeline::GraphicsState state_;
+  std::shared_ptr<const pipeline::Layout> layout_;
+  std::shared_ptr<const frontend::Shader> vertex_, fragment_;
+  std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<pipeline::GraphicsPipeline>> members_;
+};
+
+}  // namespace pumice::icd
