@@ -235,6 +235,23 @@ void main() { target = color; gl_FragDepth = gl_FragCoord.x < 8.0 ? 0.25 : 0.75;
   EXPECT_EQ(s.color.rgba(12, 3)[0], 0);
 }
 
+TEST(Fragment, WithoutAFragmentShaderOnlyDepthIsWritten) {
+  Scene s(16, 16, VK_FORMAT_D16_UNORM);
+  GraphicsState state = s.state();
+  state.depthTest = state.depthWrite = true;
+  state.depthCompare = VK_COMPARE_OP_LESS;
+  auto d = s.drawState(s.pipeline(state, kColorVertex, ""));
+  state.rasterizerDiscard = true;
+  auto discarded = s.drawState(s.pipeline(state));
+  s.begin(0.2f, 0, 0, 1);
+  s.draw(d, rectangle(s, 0, 0, 8, 16, 0.5f, {1, 1, 1, 1}));
+  s.draw(discarded, rectangle(s, 0, 0, 16, 16, 0.25f, {1, 1, 1, 1}));
+  s.end();
+  EXPECT_EQ(s.depth->at<uint16_t>(3, 3, VK_IMAGE_ASPECT_DEPTH_BIT), 0x8000);
+  EXPECT_EQ(s.depth->at<uint16_t>(12, 3, VK_IMAGE_ASPECT_DEPTH_BIT), 0xffff);
+  EXPECT_EQ(s.color.rgba(3, 3)[0], 51);
+}
+
 TEST(Fragment, IntegerAttachmentTakesTheShadersBits) {
   Scene s(16, 16, VK_FORMAT_UNDEFINED, 1, VK_FORMAT_R32G32_UINT);
   auto d = s.drawState(s.pipeline(s.state(), kColorVertex, R"(#version 450
