@@ -4,6 +4,7 @@
 #include "base/fpenv.h"
 #include "base/log.h"
 #include "pipeline/builders.h"
+#include "texture/builders.h"
 
 namespace pumice::pipeline {
 
@@ -180,6 +181,8 @@ void fillTables(const std::byte* push, const std::byte* const* setMemory, const 
   tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&constants), sizeof constants};
   for (uint32_t i = 0; i < ir::kMaxDescriptorSets; ++i)
     tables[ir::kTableSet0 + i] = {setMemory[i], setMemory[i] ? setSize[i] : 0};
+  const texture::ConstantTable constantsOfFormats = texture::constantTable();
+  tables[ir::kTableConstants] = {constantsOfFormats.data, constantsOfFormats.size};
 }
 
 }  // namespace pumice::pipeline
