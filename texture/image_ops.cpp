@@ -210,8 +210,9 @@ std::vector<Value> expandImage(Builder& b, const ir::ImageOpInfo& op, std::span<
     case ImageKind::QueryLod: return queryLod(s);
     case ImageKind::Fetch: {
       Element e = element();
-      // Images that are only sampled do not change during a draw.
-      return finish(b, op, swizzle(b, image.key, s.integer(), loadTexel(b, format, e.base, e.offset, e.size, true)));
+      // Images that are only sampled do not change during a draw; attachments do.
+      const bool constant = op.dim != ImageDim::SubpassData;
+      return finish(b, op, swizzle(b, image.key, s.integer(), loadTexel(b, format, e.base, e.offset, e.size, constant)));
     }
     case ImageKind::Read: {
       Element e = element();
