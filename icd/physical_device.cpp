@@ -47,8 +47,9 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxFragmentCombinedOutputResources = kMany;
   l.maxComputeSharedMemorySize = 64 << 10;
   for (uint32_t& n : l.maxComputeWorkGroupCount) n = 65535;
-  l.maxComputeWorkGroupInvocations = 1024;
-  l.maxComputeWorkGroupSize[0] = l.maxComputeWorkGroupSize[1] = 1024;
+  // A group with barriers runs as one row of lanes.
+  l.maxComputeWorkGroupInvocations = interp::kMaxLanes;
+  l.maxComputeWorkGroupSize[0] = l.maxComputeWorkGroupSize[1] = interp::kMaxLanes;
   l.maxComputeWorkGroupSize[2] = 64;
   l.subPixelPrecisionBits = raster::kSubpixelBits;
   l.subTexelPrecisionBits = 8;
