@@ -3,6 +3,9 @@
 #include "cts_subset/tests/vkcube_window.h"
 #include "cts_subset/tests/world.h"
 
+#include <glm/gtc/matrix_transform.hpp>
+
+#include <algorithm>
 #include <iostream>
 
 namespace pumice::cts {
@@ -30,12 +33,66 @@ std::vector<std::string> vkcube(int frames, int presentMode) {
 }
 constexpr int kImmediate = 0, kFifo = 2;
 
-// Silhouettes and texel borders are both step functions here: what differs must be the value of a
-// neighbouring pixel, and 0.15 % (edges and texels together) is the most that may.
-Expectation cubeExpectation() {
+// vkcube's cube after so many frames: 4 degrees a frame about the y axis. Three corners a triangle, clip
+// space.
+std::vector<glm::vec4> cubeAt(int frame) {
+  glm::mat4 projection = glm::perspective(glm::radians(45.0f), 1.0f, 0.1f, 100.0f);
+  projection[1][1] = -projection[1][1];
+  glm::mat4 view = glm::lookAt(glm::vec3(0, 3, 5), glm::vec3(0), glm::vec3(0, 1, 0));
+  glm::mat4 matrix =
+      projection * view * glm::rotate(glm::mat4(1), glm::radians(-4.0f * float(frame)), {0, 1, 0});
+  std::vector<glm::vec4> out;
+  for (int axis = 0; axis < 3; ++axis)
+    for (float side : {-1.0f, 1.0f}) {
+      auto corner = [&](float u, float v) {
+        glm::vec3 p;
+        p[axis] = side, p[(axis + 1) % 3] = u, p[(axis + 2) % 3] = v;
+        return matrix * glm::vec4(p, 1);
+      };
+      glm::vec4 a = corner(-1, -1), b = corner(1, -1), c = corner(1, 1), d = corner(-1, 1);
+      for (const glm::vec4& v : {a, b, c, a, c, d}) out.push_back(v);
+    }
+  return out;
+}
+
+// How many pixels contradict the outline of that frame's cube: background well inside it, or cube well
+// outside.
+size_t pixelsAgainst(const Picture& picture, int frame) {
+  std::vector<glm::vec4> clip = cubeAt(frame);
+  std::vector<glm::dvec2> corners;
+  for (const glm::vec4& p : clip)
+    corners.push_back({(p.x / p.w + 1) * 0.5 * picture.width, (p.y / p.w + 1) * 0.5 * picture.height});
+  size_t count = 0;
+  for (uint32_t y = 0; y < picture.height; ++y)
+    for (uint32_t x = 0; x < picture.width; ++x) {
+      // The signed distance to the nearest outline among the triangles that hold the pixel: positive inside.
+      double inside = -1e9;
+      for (size_t i = 0; i < corners.size(); i += 3) {
+        glm::dvec2 p(x + 0.5, y + 0.5);
+        double nearest = 1e9, turn = 0;
+        for (int k = 0; k < 3; ++k) {
+          glm::dvec2 a = corners[i + k], along = corners[i + (k + 1) % 3] - a;
+          glm::dvec2 third = corners[i + (k + 2) % 3] - a;
+          turn = along.x * third.y - along.y * third.x;
+          double d = (along.x * (p.y - a.y) - along.y * (p.x - a.x)) / glm::length(along);
+          nearest = std::min(nearest, turn > 0 ? d : -d);
+        }
+        inside = std::max(inside, nearest);
+      }
+      bool background = picture.pixel(x, y) == std::array<int, 4>{51, 51, 51, 255};
+      if ((inside > 0.02 && background) || (inside < -0.02 && !background)) ++count;
+    }
+  return count;
+}
+
+// A few pixels of the cube may happen to have the colour of the background.
+bool shows(const Picture& picture, int frame) { return pixelsAgainst(picture, frame) < 100; }
+
+Expectation cubeExpectation(int frame) {
   Expectation e;
-  e.stepFunctions = true;
-  e.stepShare = 0.0015;
+  e.onGrid = false;
+  e.stepFunctions = true;  // nearest-filtered texels
+  e.edges = edgesOfTriangles(cubeAt(frame), {0, 0, 500, 500});
   return e;
 }
 
@@ -55,41 +112,36 @@ TEST(Vkcube, WindowEqualsLavapipes) {
     WindowRun tested = runInWindow(vkcube(frames, kImmediate), driverEnvironment(pumiceManifest()));
     PUMICE_NEED_WINDOW(tested);
     EXPECT_NE(tested.output.find(testedDeviceName()), std::string::npos) << tested.output;
-    std::string name = "vkcube_" + std::to_string(frames);
+    int frame = shows(tested.picture, frames) ? frames : frames - 1;
+    EXPECT_LT(pixelsAgainst(tested.picture, frame), 100u)
+        << "this is neither frame " << frames << " nor the one before";
     Comparison result;
     Picture compared;
-    for (int shown : {frames, frames, frames - 1}) {
-      WindowRun peer = runInWindow(vkcube(shown, kImmediate), driverEnvironment(lavapipeManifest()));
+    for (int run = frame; run < frame + 3 && compared.rgba.empty(); ++run) {
+      WindowRun peer = runInWindow(vkcube(run, kImmediate), driverEnvironment(lavapipeManifest()));
       PUMICE_NEED_WINDOW(peer);
-      Comparison now = compare(tested.picture, peer.picture, cubeExpectation());
-      if (compared.rgba.empty() || now.wrong < result.wrong) result = now, compared = peer.picture;
-      if (result.passed) break;
+      if (!shows(peer.picture, frame)) continue;
+      compared = peer.picture;
+      result = compare(tested.picture, compared, cubeExpectation(frame));
     }
-    std::cout << name << ": " << result.summary() << "\n";
+    ASSERT_FALSE(compared.rgba.empty()) << "lavapipe never showed frame " << frame;
+    std::string name = "vkcube_" + std::to_string(frames);
+    std::cout << name << " (frame " << frame << "): " << result.summary() << "\n";
     std::string paths = leavePictures(name, tested.picture, compared);
     EXPECT_TRUE(result.passed) << result.summary() << "\npictures: " << paths;
+    // The same picture against the next frame: the comparison can fail.
+    WindowRun other = runInWindow(vkcube(frame + 2, kImmediate), driverEnvironment(lavapipeManifest()));
+    PUMICE_NEED_WINDOW(other);
+    EXPECT_FALSE(compare(tested.picture, other.picture, cubeExpectation(frame)).passed);
+    EXPECT_FALSE(shows(other.picture, frame));
   }
-}
-
-TEST(Vkcube, AnotherFrameIsNoticed) {
-  WindowRun one = runInWindow(vkcube(30, kImmediate), driverEnvironment(pumiceManifest()));
-  PUMICE_NEED_WINDOW(one);
-  WindowRun other = runInWindow(vkcube(33, kImmediate), driverEnvironment(pumiceManifest()));
-  PUMICE_NEED_WINDOW(other);
-  EXPECT_FALSE(compare(one.picture, other.picture, cubeExpectation()).passed);
-  bool repeated = false;
-  for (int attempt = 0; attempt < 4 && !repeated; ++attempt) {
-    WindowRun again = runInWindow(vkcube(30, kImmediate), driverEnvironment(pumiceManifest()));
-    PUMICE_NEED_WINDOW(again);
-    repeated = one.picture.rgba == again.picture.rgba;
-  }
-  EXPECT_TRUE(repeated) << "no two runs of 30 frames end with the same bits";
 }
 
 TEST(Vkcube, ThreeHundredFramesInFifo) {
   WindowRun run = runInWindow(vkcube(300, kFifo), driverEnvironment(pumiceManifest()));
   PUMICE_NEED_WINDOW(run);
   EXPECT_NE(run.output.find(testedDeviceName()), std::string::npos) << run.output;
+  EXPECT_TRUE(shows(run.picture, 300) || shows(run.picture, 299));
 }
 
 }  // namespace
