@@ -145,6 +145,11 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   raster.cullMode = spec.cull;
   raster.frontFace = spec.frontFace;
   raster.lineWidth = 1;
+  if (spec.depthBias) {
+    raster.depthBiasEnable = VK_TRUE;
+    raster.depthBiasConstantFactor = spec.depthBias->x;
+    raster.depthBiasSlopeFactor = spec.depthBias->y;
+  }
   VkPipelineMultisampleStateCreateInfo multisample{};
   multisample.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
   multisample.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
@@ -154,6 +159,10 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   depthState.depthWriteEnable = spec.depthWrite;
   depthState.depthCompareOp = spec.compare;
   depthState.maxDepthBounds = 1;
+  if (spec.stencil) {
+    depthState.stencilTestEnable = VK_TRUE;
+    depthState.front = depthState.back = *spec.stencil;
+  }
   VkPipelineColorBlendAttachmentState attachment{};
   if (spec.blend) attachment = *spec.blend;
   attachment.colorWriteMask = spec.writeMask;

@@ -33,6 +33,8 @@ struct PipelineSpec {
   bool depthTest = false;
   bool depthWrite = false;
   VkCompareOp compare = VK_COMPARE_OP_LESS;
+  std::optional<VkStencilOpState> stencil;  // for both faces
+  std::optional<glm::vec2> depthBias;       // constant factor, slope factor
   std::optional<VkPipelineColorBlendAttachmentState> blend;
   VkColorComponentFlags writeMask = 0xf;
   std::vector<VkDescriptorSetLayout> sets;

@@ -35,5 +35,6 @@ void addTextureScenes(SceneList& scenes);
 void addStateScenes(SceneList& scenes);
 void addShaderScenes(SceneList& scenes);
 void addInputScenes(SceneList& scenes);
+void addHeavyScenes(SceneList& scenes);
 
 }  // namespace pumice::cts

@@ -12,6 +12,7 @@ const std::vector<Scene>& allScenes() {
     addStateScenes(scenes);
     addShaderScenes(scenes);
     addInputScenes(scenes);
+    addHeavyScenes(scenes);
     return scenes;
   }();
   return kScenes;
