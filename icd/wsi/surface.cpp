@@ -2,7 +2,6 @@
 #include <X11/Xlib-xcb.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "entrypoints.h"
 #include "icd/device.h"
@@ -52,6 +51,7 @@ VkResult capabilities(VkPhysicalDevice handle, VkSurfaceKHR surface, VkSurfaceCa
   out.maxImageArrayLayers = 1;
   out.supportedTransforms = out.currentTransform = VK_SURFACE_TRANSFORM_IDENTITY_BIT_KHR;
   out.supportedCompositeAlpha = VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR | VK_COMPOSITE_ALPHA_INHERIT_BIT_KHR;
+  if (state.translucent) out.supportedCompositeAlpha |= VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR;
   out.supportedUsageFlags = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT | VK_IMAGE_USAGE_SAMPLED_BIT |
                             VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
   return VK_SUCCESS;
@@ -69,23 +69,24 @@ WindowState queryWindow(const VkIcdSurfaceBase& surface) {
       auto& s = reinterpret_cast<const VkIcdSurfaceXlib&>(surface);
       return queryXcbWindow(XGetXCBConnection(s.dpy), xcb_window_t(s.window));
     }
+    case VK_ICD_WSI_PLATFORM_WAYLAND: return queryWaylandWindow(reinterpret_cast<const VkIcdSurfaceWayland&>(surface).display);
     default: return {};
   }
 }
 
-std::unique_ptr<Window> openWindow(const VkIcdSurfaceBase& surface, bool fifo) {
+std::unique_ptr<Window> openWindow(const VkIcdSurfaceBase& surface, const VkSwapchainCreateInfoKHR& info) {
   switch (surface.platform) {
     case VK_ICD_WSI_PLATFORM_XCB: {
       auto& s = reinterpret_cast<const VkIcdSurfaceXcb&>(surface);
-      return openXcbWindow(s.connection, s.window);
+      return openXcbWindow(s.connection, s.window, info.compositeAlpha);
     }
     case VK_ICD_WSI_PLATFORM_XLIB: {
       auto& s = reinterpret_cast<const VkIcdSurfaceXlib&>(surface);
-      return openXcbWindow(XGetXCBConnection(s.dpy), xcb_window_t(s.window));
+      return openXcbWindow(XGetXCBConnection(s.dpy), xcb_window_t(s.window), info.compositeAlpha);
     }
     case VK_ICD_WSI_PLATFORM_WAYLAND: {
       auto& s = reinterpret_cast<const VkIcdSurfaceWayland&>(surface);
-      return openWaylandWindow(s.display, s.surface, fifo);
+      return openWaylandWindow(s.display, s.surface, info.presentMode, info.compositeAlpha);
     }
     default: return nullptr;   // headless: nothing is shown
   }
@@ -121,13 +122,18 @@ VKAPI_ATTR void VKAPI_CALL vkDestroySurfaceKHR(VkInstance instance, VkSurfaceKHR
   from(instance)->allocator.orElse(callbacks).free(reinterpret_cast<void*>(surface));
 }
 
-VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXcbPresentationSupportKHR(VkPhysicalDevice, uint32_t, xcb_connection_t*, xcb_visualid_t) { return VK_TRUE; }
-VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXlibPresentationSupportKHR(VkPhysicalDevice, uint32_t, Display*, VisualID) { return VK_TRUE; }
+VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXcbPresentationSupportKHR(VkPhysicalDevice, uint32_t, xcb_connection_t* connection, xcb_visualid_t visual) {
+  return xcbVisualPresentable(connection, visual);
+}
+VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXlibPresentationSupportKHR(VkPhysicalDevice, uint32_t, Display* display, VisualID visual) {
+  return xcbVisualPresentable(XGetXCBConnection(display), xcb_visualid_t(visual));
+}
 VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceWaylandPresentationSupportKHR(VkPhysicalDevice, uint32_t, wl_display*) { return VK_TRUE; }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceSupportKHR(VkPhysicalDevice, uint32_t, VkSurfaceKHR, VkBool32* out) {
-  *out = VK_TRUE;
-  return VK_SUCCESS;
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceSupportKHR(VkPhysicalDevice, uint32_t, VkSurfaceKHR surface, VkBool32* out) {
+  WindowState state = queryWindow(base(surface));
+  *out = state.alive && state.presentable;
+  return state.alive ? VK_SUCCESS : VK_ERROR_SURFACE_LOST_KHR;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilitiesKHR(VkPhysicalDevice device, VkSurfaceKHR surface, VkSurfaceCapabilitiesKHR* out) {
@@ -152,6 +158,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfacePresentModesKHR(VkPhysi
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDevicePresentRectanglesKHR(VkPhysicalDevice, VkSurfaceKHR surface, uint32_t* count, VkRect2D* out) {
   WindowState state = queryWindow(base(surface));
+  if (!state.alive) return VK_ERROR_SURFACE_LOST_KHR;
   return enumerate(1, count, out, [&](uint32_t, VkRect2D& r) { r = {{0, 0}, state.extent}; });
 }
 

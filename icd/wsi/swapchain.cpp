@@ -33,34 +33,43 @@ struct Swapchain {
   ~Swapchain() {
     if (memory) munmap(memory, memoryBytes);
   }
-  VkResult status() const { return lost ? VK_ERROR_SURFACE_LOST_KHR : retired || resized ? VK_ERROR_OUT_OF_DATE_KHR : VK_SUCCESS; }
+  //! What the window is now, as far as it is known without asking.
+  void observe(SyncHub& hub);
+  void note(const WindowState& state) {
+    lost |= !state.alive;
+    resized |= state.extent.width != ~0u && (state.extent.width != extent.width || state.extent.height != extent.height);
+  }
   void present(SyncHub& hub, uint32_t index);
 };
 
 std::byte* swapchainImageData(VkSwapchainKHR handle, uint32_t index) { return from(handle)->images[index].image.data; }
 
+void Swapchain::observe(SyncHub& hub) {
+  if (!window) return;
+  WindowState state = window->state();
+  hub.update([&] { note(state); });
+}
+
 // On the queue's thread.
 void Swapchain::present(SyncHub& hub, uint32_t index) {
-  bool alive = true, fits = true;
-  if (window) {
-    if (fifo) window->throttle();
-    PresentBuffer buffer = window->acquire(extent);
-    alive = buffer.rows;
-    if (alive) {
-      texture::presentRows(device->pool, images[index].image.memory(), buffer.rows, buffer.pitch, extent);
-      alive = window->show(extent);
+  WindowState state;
+  if (window) try {
+      if (fifo) window->throttle();
+      PresentBuffer buffer = window->acquire(extent);
+      bool shown = false;
+      if (buffer.rows) {
+        texture::presentRows(device->pool, images[index].image.memory(), buffer.rows, buffer.pitch, extent);
+        shown = window->show(extent);
+      }
+      state = window->state();
+      state.alive &= shown;
+    } catch (const std::bad_alloc&) {
+      base::logError("out of memory: a frame is not shown");
     }
-    if (alive) {
-      WindowState state = window->state();
-      alive = state.alive;
-      fits = state.extent.width == ~0u || (state.extent.width == extent.width && state.extent.height == extent.height);
-    }
-  }
   hub.update([&] {
     images[index].busy = false;
     pending--;
-    lost |= !alive;
-    resized |= !fits;
+    note(state);
   });
 }
 
@@ -104,17 +113,23 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
     image.data = s.memory + i * s.imageBytes;
   }
   if (s.surface->platform != VK_ICD_WSI_PLATFORM_HEADLESS) {
-    s.window = openWindow(*s.surface, s.fifo);
+    s.window = openWindow(*s.surface, info);
     if (!s.window) return VK_ERROR_SURFACE_LOST_KHR;
+    s.note(s.window->state());
   }
   return VK_SUCCESS;
 }
 
 VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore, VkFence fence, uint32_t* index) {
   Swapchain& s = *from(handle);
+  s.observe(hub(s));
   VkResult result = VK_SUCCESS;
   auto ready = [&] {
-    if ((result = s.status()) != VK_SUCCESS) return true;
+    if (s.lost || s.retired) {
+      result = s.lost ? VK_ERROR_SURFACE_LOST_KHR : VK_ERROR_OUT_OF_DATE_KHR;
+      return true;
+    }
+    // The first that is free, not the next in turn: a recently used image is still in the caches.
     for (uint32_t i = 0; i < s.images.size(); i++)
       if (!s.images[i].busy) {
         s.images[i].busy = true;
@@ -122,12 +137,14 @@ VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore,
         // Whoever read the image has finished: it is ours at once.
         if (semaphore) from(semaphore)->value = 1;
         if (fence) from(fence)->signaled = true;
+        // As Mesa's drivers do on X11: a window of another size still shows what fits.
+        result = s.resized ? VK_SUBOPTIMAL_KHR : VK_SUCCESS;
         return true;
       }
     return false;
   };
   if (!hub(s).wait(timeout, ready)) return timeout ? VK_TIMEOUT : VK_NOT_READY;
-  if (result == VK_SUCCESS && (semaphore || fence)) hub(s).update([] {});
+  if (result >= 0 && (semaphore || fence)) hub(s).update([] {});
   return result;
 }
 
@@ -187,13 +204,15 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
     for (uint32_t i = 0; i < info->swapchainCount; i++) {
       Swapchain* s = from(info->pSwapchains[i]);
       items.push_back({s, info->pImageIndices[i]});
+      s->observe(worker.hub());
       // Shown all the same: a window of another size shows what fits.
       VkResult one = worker.hub().read([&] {
         s->pending++;
         return s->lost ? VK_ERROR_SURFACE_LOST_KHR : s->retired || s->resized ? VK_SUBOPTIMAL_KHR : VK_SUCCESS;
       });
       if (info->pResults) info->pResults[i] = one;
-      if (one < result || (result == VK_SUCCESS && one != VK_SUCCESS)) result = one;
+      // An error counts more than being suboptimal.
+      if (one < 0 || result == VK_SUCCESS) result = one;
     }
     submission.work = [items, &worker] {
       for (const Item& item : items) item.swapchain->present(worker.hub(), item.index);

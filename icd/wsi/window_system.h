@@ -1,17 +1,19 @@
 // What a window system has to do for a swapchain: say how large the window is and show rows of pixels.
 #pragma once
 
+#include <vulkan/vk_icd.h>
+
 #include <memory>
-#include <vector>
 
 #include "icd/object.h"
-#include <vulkan/vk_icd.h>
 
 namespace pumice::icd {
 
 struct WindowState {
-  bool alive = true;              //!< false: the surface is lost
-  VkExtent2D extent{~0u, ~0u};    //!< ~0: the swapchain decides (Wayland, headless)
+  bool alive = true;             //!< false: the surface is lost
+  VkExtent2D extent{~0u, ~0u};   //!< ~0: the swapchain decides (Wayland, headless)
+  bool presentable = true;       //!< false: pixels of a kind that we cannot make (palettes)
+  bool translucent = false;      //!< pixels may have an alpha for a compositor
 };
 
 //! Rows of B8G8R8A8 (x8 for opaque windows) that the window system can show. `pitch` in bytes.
@@ -20,11 +22,11 @@ struct PresentBuffer {
   uint32_t pitch = 0;
 };
 
-//! One window's connection, made per swapchain. Used by the queue's thread for acquire() and show(), by the
-//! application's for state().
+//! One window's connection, made per swapchain. acquire(), show() and throttle() are the queue thread's.
 class Window {
  public:
   virtual ~Window() = default;
+  //! What is known by now (any thread; never waits for the window system).
   virtual WindowState state() = 0;
   //! A buffer to fill, waiting while all are still being read by the window system. Null rows: lost.
   virtual PresentBuffer acquire(VkExtent2D extent) = 0;
@@ -34,13 +36,16 @@ class Window {
   virtual void throttle() {}
 };
 
-//! Current extent of a surface (any thread, short round trip).
+//! Present state of a surface (any thread, a short round trip).
 WindowState queryWindow(const VkIcdSurfaceBase& surface);
-//! Null when the window system cannot be reached.
-std::unique_ptr<Window> openWindow(const VkIcdSurfaceBase& surface, bool fifo);
+//! Null when the window is gone or cannot be reached. Only the present mode and composite alpha are read.
+std::unique_ptr<Window> openWindow(const VkIcdSurfaceBase& surface, const VkSwapchainCreateInfoKHR& info);
 
-std::unique_ptr<Window> openXcbWindow(xcb_connection_t* connection, xcb_window_t window);
+std::unique_ptr<Window> openXcbWindow(xcb_connection_t* connection, xcb_window_t window, VkCompositeAlphaFlagBitsKHR alpha);
 WindowState queryXcbWindow(xcb_connection_t* connection, xcb_window_t window);
-std::unique_ptr<Window> openWaylandWindow(wl_display* display, wl_surface* surface, bool fifo);
+bool xcbVisualPresentable(xcb_connection_t* connection, xcb_visualid_t visual);
+WindowState queryWaylandWindow(wl_display* display);
+std::unique_ptr<Window> openWaylandWindow(wl_display* display, wl_surface* surface, VkPresentModeKHR mode,
+                                          VkCompositeAlphaFlagBitsKHR alpha);
 
 }  // namespace pumice::icd
