@@ -24,40 +24,58 @@ layout(location = 0) out vec4 colour;
 void main() { colour = passed; }
 )";
 
-Canvas::Canvas(Device& d, uint32_t w, uint32_t h, VkFormat depthFormatWanted)
-    : Workspace(d), width(w), height(h), depthFormat(depthFormatWanted) {
-  bool hasDepth = depthFormat != VK_FORMAT_UNDEFINED;
+Canvas::Canvas(Device& d, uint32_t w, uint32_t h, VkFormat depthFormatWanted,
+               VkSampleCountFlagBits samplesWanted)
+    : Workspace(d), width(w), height(h), depthFormat(depthFormatWanted), samples(samplesWanted) {
+  bool hasDepth = depthFormat != VK_FORMAT_UNDEFINED, resolves = samples != VK_SAMPLE_COUNT_1_BIT;
   ImageSpec spec;
   spec.format = kColourFormat;
   spec.extent = {width, height, 1};
   spec.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT;
   colour = image(spec);
   std::vector<VkImageView> views{view(colour)};
+  spec.samples = samples;
+  if (resolves) {  // drawn to the first view, resolved to the last
+    spec.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSIENT_ATTACHMENT_BIT;
+    views.insert(views.begin(), view(image(spec)));
+  }
   if (hasDepth) {
     spec.format = depthFormat;
     spec.usage = VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT;
     depth = image(spec);
-    views.push_back(view(depth));
+    views.insert(views.begin() + 1, view(depth));
   }
 
-  std::array<VkAttachmentDescription, 2> attachments{};
+  std::vector<VkAttachmentDescription> attachments(1);
   attachments[0].format = kColourFormat;
-  attachments[0].samples = VK_SAMPLE_COUNT_1_BIT;
+  attachments[0].samples = samples;
   attachments[0].loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
   attachments[0].storeOp = VK_ATTACHMENT_STORE_OP_STORE;
   attachments[0].stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
   attachments[0].stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
   attachments[0].initialLayout = VK_IMAGE_LAYOUT_UNDEFINED;
   attachments[0].finalLayout = VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL;
-  attachments[1] = attachments[0];
-  attachments[1].format = depthFormat;
-  attachments[1].stencilLoadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
+  if (hasDepth) {
+    attachments.push_back(attachments[0]);
+    attachments[1].format = depthFormat;
+    attachments[1].stencilLoadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
+  }
+  if (resolves) {
+    attachments.push_back(attachments[0]);
+    attachments.back().samples = VK_SAMPLE_COUNT_1_BIT;
+    attachments.back().loadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
+    attachments[0].storeOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
+    attachments[0].finalLayout = VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL;
+  }
   VkAttachmentReference colourRef{0, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL};
+  VkAttachmentReference resolveRef{uint32_t(attachments.size()) - 1,
+                                   VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL};
   VkAttachmentReference depthRef{1, VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL};
   VkSubpassDescription subpass{};
   subpass.pipelineBindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
   subpass.colorAttachmentCount = 1;
   subpass.pColorAttachments = &colourRef;
+  subpass.pResolveAttachments = resolves ? &resolveRef : nullptr;
   subpass.pDepthStencilAttachment = hasDepth ? &depthRef : nullptr;
   std::array<VkSubpassDependency, 2> dependencies{};
   dependencies[0].srcSubpass = VK_SUBPASS_EXTERNAL;
@@ -72,7 +90,7 @@ Canvas::Canvas(Device& d, uint32_t w, uint32_t h, VkFormat depthFormatWanted)
   dependencies[1].dstSubpass = VK_SUBPASS_EXTERNAL;
   VkRenderPassCreateInfo passInfo{};
   passInfo.sType = VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO;
-  passInfo.attachmentCount = hasDepth ? 2 : 1;
+  passInfo.attachmentCount = uint32_t(attachments.size());
   passInfo.pAttachments = attachments.data();
   passInfo.subpassCount = 1;
   passInfo.pSubpasses = &subpass;
@@ -152,7 +170,7 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   }
   VkPipelineMultisampleStateCreateInfo multisample{};
   multisample.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
-  multisample.rasterizationSamples = VK_SAMPLE_COUNT_1_BIT;
+  multisample.rasterizationSamples = samples;
   VkPipelineDepthStencilStateCreateInfo depthState{};
   depthState.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
   depthState.depthTestEnable = spec.depthTest;

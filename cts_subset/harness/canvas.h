@@ -1,4 +1,5 @@
-// An offscreen RGBA8 target, optionally with depth, and the one render pass that draws on it.
+// An offscreen RGBA8 target, optionally with depth and with several samples a pixel, and the one render pass
+// that draws on it.
 #pragma once
 
 #include "cts_subset/harness/picture.h"
@@ -49,7 +50,8 @@ class Canvas : public Workspace {
  public:
   static constexpr VkFormat kColourFormat = VK_FORMAT_R8G8B8A8_UNORM;
 
-  Canvas(Device& device, uint32_t width, uint32_t height, VkFormat depthFormat = VK_FORMAT_UNDEFINED);
+  Canvas(Device& device, uint32_t width, uint32_t height, VkFormat depthFormat = VK_FORMAT_UNDEFINED,
+         VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT);
 
   Pipeline pipeline(const PipelineSpec& spec);
   // The VkResult instead of an exception; for pipelines that ought to fail.
@@ -75,7 +77,8 @@ class Canvas : public Workspace {
 
   uint32_t width, height;
   VkFormat depthFormat;
-  Image colour, depth;
+  VkSampleCountFlagBits samples;
+  Image colour, depth;  // `colour` has one sample: where several are resolved to, if there are
   VkRenderPass renderPass = VK_NULL_HANDLE;
   VkFramebuffer framebuffer = VK_NULL_HANDLE;
   Buffer readback, depthReadback;

@@ -36,5 +36,6 @@ void addStateScenes(SceneList& scenes);
 void addShaderScenes(SceneList& scenes);
 void addInputScenes(SceneList& scenes);
 void addHeavyScenes(SceneList& scenes);
+void addMultisampleScenes(SceneList& scenes);
 
 }  // namespace pumice::cts

@@ -69,7 +69,7 @@ Image Workspace::image(const ImageSpec& spec) {
   info.extent = spec.extent;
   info.mipLevels = spec.mips;
   info.arrayLayers = spec.layers;
-  info.samples = VK_SAMPLE_COUNT_1_BIT;
+  info.samples = spec.samples;
   info.tiling = spec.tiling;
   info.usage = spec.usage;
   info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;

@@ -22,6 +22,7 @@ struct ImageSpec {
   VkImageUsageFlags usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
   uint32_t mips = 1;
   uint32_t layers = 1;
+  VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT;
   VkImageType type = VK_IMAGE_TYPE_2D;
   VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL;
   VkImageCreateFlags flags = 0;

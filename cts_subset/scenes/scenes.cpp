@@ -13,6 +13,7 @@ const std::vector<Scene>& allScenes() {
     addShaderScenes(scenes);
     addInputScenes(scenes);
     addHeavyScenes(scenes);
+    addMultisampleScenes(scenes);
     return scenes;
   }();
   return kScenes;
