@@ -84,6 +84,7 @@ enum InstFlags : uint8_t {
   kInstVolatile = 1,      //!< memory access that may not be merged or hoisted
   kInstNoContract = 2,    //!< SPIR-V NoContraction
   kInstNonUniform = 4,
+  kInstKeep = 8,          //!< ftof that keeps the double in oracle mode (see Numerics); otherwise without meaning
 };
 
 enum class AtomicOp : uint8_t { Add, SMin, SMax, UMin, UMax, And, Or, Xor, Exchange, FAdd, Load, Store };

@@ -17,10 +17,15 @@ void optimise(Function& f);
 //! ones: TableLoad and LoadConst are bounded, so hoisting them is safe).
 void computeRates(Function& f);
 
+//! Oracle: the declared types stay, but rows of f16 and f32 hold doubles and every float operation is evaluated
+//! in double. What makes bits visible rounds to the declared type first: stores, bit casts, packing, and
+//! `ftof` as the shader wrote it. An `ftof` with the flag kInstKeep does not round (nor does the builder fold
+//! it): lowerMath puts it around its f64 sequences, f32 -> f64 -> ... -> f64 -> f32.
 enum class Numerics : uint8_t { F32, Oracle };
 
 //! The last pass: replaces the high-level float operations (fexp2, fsin, frsqrt, ...) by sequences of plain ones,
-//! one lowering per number type.
+//! one lowering per number type; in oracle mode the f64 one for all types. Rare ranges (huge angles) stand in
+//! an `if` that no lane enters as a rule; for draw-uniform operands everything is pure, so that it can be hoisted.
 void lowerMath(Function& f, Numerics numerics);
 
 //! Gives values for the abstract operations of shader IR (ShaderInput, ShaderOutput, Builtin, Descriptor,

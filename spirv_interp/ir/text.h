@@ -34,6 +34,7 @@ struct InstFlagName {
   uint8_t flag;
 };
 inline constexpr InstFlagName kInstFlagNames[] = {
-    {"volatile", kInstVolatile}, {"nocontract", kInstNoContract}, {"nonuniform", kInstNonUniform}};
+    {"volatile", kInstVolatile}, {"nocontract", kInstNoContract}, {"nonuniform", kInstNonUniform},
+    {"keep", kInstKeep}};
 
 }  // namespace pumice::ir
