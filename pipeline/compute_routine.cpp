@@ -60,7 +60,7 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
   routine->sharedBytes = shader.function.sharedBytes;
   routine->groupsApart = routine->sharedBytes || shader.usesBarrier;
   for (const ir::Inst& i : shader.function.insts)
-    routine->groupsApart |= i.op == Op::SubgroupAny || i.op == Op::SubgroupAll || i.op == Op::QuadSwizzle || i.op == Op::LaneId;
+    routine->groupsApart |= (i.op >= Op::QuadDdx && i.op <= Op::SubgroupReduce) || i.op == Op::LaneId;
   return routine;
 }
 

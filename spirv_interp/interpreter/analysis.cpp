@@ -10,9 +10,10 @@ using ir::Function, ir::Inst, ir::Op, ir::Value;
 
 bool isPure(Op op) { return ir::opInfo(op).flags & ir::kPure; }
 bool isSign(Op op) { return op == Op::FNeg || op == Op::FAbs; }
+bool movesLanes(Op op) { return op == Op::QuadSwizzle || op == Op::SubgroupShuffle; }
 //! Makes a NaN of its own.
 bool isArithmetic(Op op) {
-  return (ir::opInfo(op).operands == ir::OperandRule::Float && !isSign(op)) || op == Op::FToF;
+  return (ir::opInfo(op).operands == ir::OperandRule::Float && !isSign(op)) || op == Op::FToF || op == Op::SubgroupReduce;
 }
 
 NanBits join(NanBits a, NanBits b) { return std::max(a, b); }
@@ -74,7 +75,7 @@ void findNan(const Function& f, Analysis& a) {
       else if (isArithmetic(i.op)) r = NanBits::Arithmetic;
       else if (i.op == Op::SToF || i.op == Op::UToF) r = NanBits::Settled;
       else if (i.op == Op::Select) r = join(a.nan[o[1]], a.nan[o[2]]);
-      else if (i.op == Op::VarGet || i.op == Op::QuadSwizzle) r = a.nan[o[0]];
+      else if (i.op == Op::VarGet || movesLanes(i.op)) r = a.nan[o[0]];
       if (r != a.nan[v]) {
         a.nan[v] = r;
         changed = true;
@@ -95,7 +96,7 @@ void findExposed(const Function& f, Analysis& a) {
         if (!ir::isFloat(f.type(o[k])) || a.exposed[o[k]]) continue;
         bool exposes;
         if (i.op == Op::VarSet) exposes = a.exposed[o[0]];
-        else if (i.op == Op::Select || i.op == Op::VarGet || i.op == Op::QuadSwizzle || isSign(i.op)) exposes = a.exposed[v];
+        else if (i.op == Op::Select || i.op == Op::VarGet || movesLanes(i.op) || isSign(i.op)) exposes = a.exposed[v];
         else exposes = !isArithmetic(i.op) && i.op != Op::FToS && i.op != Op::FToU && ir::opInfo(i.op).operands != ir::OperandRule::CmpF;
         if (exposes) {
           a.exposed[o[k]] = 1;

@@ -101,6 +101,7 @@ void addMoveKernels(int64_t targetBit, KernelTable& table);
 void addConvertKernels(int64_t targetBit, KernelTable& table);
 void addMemoryKernels(KernelTable& table);
 void addControlKernels(KernelTable& table);
+void addSubgroupKernels(KernelTable& table);
 
 //! For tests: compiles for one instruction set.
 Result<std::unique_ptr<Executable>> compileInterpreterFor(const ir::Function& f, const CompileOptions& options, const Target& target);

@@ -19,8 +19,8 @@ using base::Result;
 //! Longest row. 128 lanes of f32 with a register file of 13 to 26 KiB measured best (64 of f64).
 constexpr uint32_t kMaxLanes = 128;
 
-//! Lanes of a subgroup: a run of consecutive lanes, the same on every machine.
-constexpr uint32_t kSubgroupLanes = 32;
+using ir::kSubgroupLanes;
+static_assert(kMaxLanes % kSubgroupLanes == 0);
 
 struct Table {
   const std::byte* data = nullptr;

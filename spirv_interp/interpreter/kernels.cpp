@@ -78,6 +78,7 @@ const KernelTable& kernelTable(const Target& target) {
     addConvertKernels(target.bit, *entry.table);
     addMemoryKernels(*entry.table);
     addControlKernels(*entry.table);
+    addSubgroupKernels(*entry.table);
   });
   return *entry.table;
 }

@@ -136,32 +136,6 @@ const Code* execMask(RunState& s, const Code* c) {
   return c + 1;
 }
 
-//! Gives every lane of a subgroup the verdict test(bits of its subgroup).
-template <class F>
-inline const Code* perSubgroup(RunState& s, const Code* c, F test) {
-  static_assert(kSubgroupLanes <= 64 && 64 % kSubgroupLanes == 0);
-  constexpr uint64_t kOne = ~uint64_t(0) >> (64 - kSubgroupLanes);
-  uint64_t* dst = s.mask(c->dst);
-  const uint64_t* a = s.mask(c->src[0]);
-  for (unsigned w = 0; w < kMaskWords; w++) {
-    const uint64_t v = test(a[w], s.exec[w]);
-    uint64_t out = 0;
-    for (unsigned i = 0; i < 64; i += kSubgroupLanes)
-      if (v & kOne << i) out |= kOne << i;
-    dst[w] = out;
-  }
-  return c + 1;
-}
-const Code* subgroupAny(RunState& s, const Code* c) {
-  return perSubgroup(s, c, [](uint64_t a, uint64_t e) { return a & e; });
-}
-const Code* subgroupAll(RunState& s, const Code* c) {
-  const Code* next = perSubgroup(s, c, [](uint64_t a, uint64_t e) { return ~a & e; });
-  uint64_t* dst = s.mask(c->dst);
-  for (unsigned w = 0; w < kMaskWords; w++) dst[w] = ~dst[w];
-  return next;
-}
-
 }  // namespace
 
 void addControlKernels(KernelTable& t) {
@@ -183,8 +157,6 @@ void addControlKernels(KernelTable& t) {
   t.at(Op::Input, Type::Mask) = maskInput;
   t.at(Op::QuadSwizzle, Type::Mask) = maskSwizzle;
   t.at(Op::ExecMask, Type::Mask) = execMask;
-  t.at(Op::SubgroupAny, Type::Mask) = subgroupAny;
-  t.at(Op::SubgroupAll, Type::Mask) = subgroupAll;
   t.at(Internal::Splat, Type::Mask) = maskSplat;
   t.at(Internal::Copy, Type::Mask) = maskCopy;
   t.at(Internal::Zero, Type::Mask) = maskZero;

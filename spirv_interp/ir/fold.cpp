@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <limits>
 
 namespace pumice::ir {
 
@@ -345,6 +346,35 @@ bool foldConstant(Op op, Type type, Type operandType, std::span<const uint64_t> 
       }
     default:
       return false;
+  }
+}
+
+Op reduceOperation(ReduceOp op) {
+  constexpr Op kOps[] = {Op::IAdd, Op::FAdd, Op::IMul, Op::FMul, Op::SMin, Op::SMax, Op::UMin,
+                         Op::UMax, Op::FMin, Op::FMax, Op::And,  Op::Or,   Op::Xor};
+  return kOps[static_cast<size_t>(op)];
+}
+
+uint64_t reduceIdentity(ReduceOp op, Type t) {
+  const double infinity = std::numeric_limits<double>::infinity();
+  switch (op) {
+    case ReduceOp::IMul:
+      return 1;
+    case ReduceOp::FMul:
+      return floatBits(t, 1);
+    case ReduceOp::SMin:
+      return allOnes(t) >> 1;
+    case ReduceOp::SMax:
+      return (allOnes(t) >> 1) + 1;
+    case ReduceOp::UMin:
+    case ReduceOp::And:
+      return allOnes(t);
+    case ReduceOp::FMin:
+      return floatBits(t, infinity);
+    case ReduceOp::FMax:
+      return floatBits(t, -infinity);
+    default:
+      return 0;
   }
 }
 

@@ -30,6 +30,10 @@ uint64_t floatBits(Type t, double x);
 //! The number that the bits of float type t stand for.
 double floatValue(Type t, uint64_t bits);
 
+//! The operation that a reduction repeats, and SPIR-V's identity of it (0, 1, infinities, limits, all ones).
+Op reduceOperation(ReduceOp op);
+uint64_t reduceIdentity(ReduceOp op, Type t);
+
 class Builder;
 //! An existing or simpler value equal bit by bit to the operation, or 0. Only exact integer, mask and select
 //! identities; none that would change a float's bits.

@@ -87,6 +87,14 @@ enum InstFlags : uint8_t {
   kInstKeep = 8,          //!< ftof that keeps the double in oracle mode (see Numerics); otherwise without meaning
 };
 
+//! Subgroups are runs of this many consecutive lanes, on every machine.
+constexpr uint32_t kSubgroupLanes = 32;
+//! SubgroupReduce. The tree is fixed: at distance 1, 2, 4, ... each lane takes in its partner, lower lane first; an inactive lane
+//! counts as the operation's identity (fold.h). Scans use the same order (Hillis-Steele: lane i takes in lane i - distance), so
+//! that results do not depend on the machine; an exclusive scan is the inclusive one of the lane before, the first lane's the identity.
+enum class ReduceOp : uint8_t { IAdd, FAdd, IMul, FMul, SMin, SMax, UMin, UMax, FMin, FMax, And, Or, Xor };
+enum class ScanKind : uint8_t { Reduce, Inclusive, Exclusive };
+
 enum class AtomicOp : uint8_t { Add, SMin, SMax, UMin, UMax, And, Or, Xor, Exchange, FAdd, Load, Store };
 
 //! Tables that routines read through TableLoad. All are constant during a draw or dispatch.

@@ -9,6 +9,7 @@
 //   %5 = tile.load f32 0:16+4                plane : bytes of an element + byte offset
 //   %8 = shader.input f32 2:1                variable : component
 //   %6 = atomic i32 add+4 %b, %o, %s, %v
+//   %9 = subgroup.reduce f32 fadd:inclusive:32 %10    operation : kind : lanes of a cluster
 //   %7 = image tuple {sample 2d arrayed operands=5 image=0 sampler=1 texel=f32} %..
 // `;` starts a comment, `@n` is a source line, `~draw` a rate, names of values are free.
 #pragma once
@@ -17,7 +18,7 @@
 
 namespace pumice::ir {
 
-enum class ImmKind : uint8_t { None, Const, Number, Offset, Table, Pair, Tile, Atomic, Image };
+enum class ImmKind : uint8_t { None, Const, Number, Offset, Table, Pair, Tile, Atomic, Image, Reduce };
 ImmKind immKind(Op op);
 
 inline constexpr const char* kTypeNames[] = {"none", "mask", "i8",  "i16", "i32",
@@ -25,6 +26,9 @@ inline constexpr const char* kTypeNames[] = {"none", "mask", "i8",  "i16", "i32"
 inline constexpr const char* kRateNames[] = {"constant", "draw", "workgroup", "subgroup", "lane"};
 inline constexpr const char* kAtomicNames[] = {"add", "smin", "smax", "umin", "umax", "and",
                                                "or",  "xor",  "xchg", "fadd", "ld",   "st"};
+inline constexpr const char* kReduceNames[] = {"iadd", "fadd", "imul", "fmul", "smin", "smax", "umin",
+                                               "umax", "fmin", "fmax", "and",  "or",   "xor"};
+inline constexpr const char* kScanNames[] = {"reduce", "inclusive", "exclusive"};
 inline constexpr const char* kImageKindNames[] = {"sample",      "fetch",       "gather",    "read",
                                                   "write",       "atomic",      "querysize", "querylod",
                                                   "querylevels", "querysamples"};

@@ -1,3 +1,4 @@
+#include <bit>
 #include <cstdlib>
 #include <string>
 #include <unordered_map>
@@ -210,6 +211,14 @@ class Parser {
         ok = split(w, '+', first, low) && lookUp(kAtomicNames, first, index);
         inst.imm = uint64_t(index) << 32 | low;
         break;
+      case ImmKind::Reduce: {
+        const size_t colon = w.find(':');
+        size_t scan = 0;
+        ok = colon != w.npos && lookUp(kReduceNames, w.substr(0, colon), index) && split(w.substr(colon + 1), ':', first, low) &&
+             lookUp(kScanNames, first, scan) && low <= 0x80000000u && std::has_single_bit(low);
+        if (ok) inst.imm = index | scan << 8 | uint64_t(std::countr_zero(low)) << 16;
+        break;
+      }
       case ImmKind::Image:
         ok = image(inst, w, error);
         break;

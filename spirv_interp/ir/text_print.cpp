@@ -46,6 +46,8 @@ ImmKind immKind(Op op) {
       return ImmKind::Atomic;
     case Op::ImageOp:
       return ImmKind::Image;
+    case Op::SubgroupReduce:
+      return ImmKind::Reduce;
     default:
       return ImmKind::None;
   }
@@ -116,6 +118,11 @@ std::string immText(const Function& f, const Inst& i, std::string& comment) {
       return number(" %u:%u+%u", high, low >> 16, low & 0xffff);
     case ImmKind::Atomic:
       return high < std::size(kAtomicNames) ? number(" %s+%u", kAtomicNames[high], low) : " ?";
+    case ImmKind::Reduce: {
+      const size_t op = i.imm & 0xff, scan = i.imm >> 8 & 0xff, log = i.imm >> 16;
+      if (op >= std::size(kReduceNames) || scan >= std::size(kScanNames) || log > 31) return " ?";
+      return number(" %s:%s:%u", kReduceNames[op], kScanNames[scan], 1u << log);
+    }
     case ImmKind::Image:
       return i.imm < f.imageOps.size() ? " " + imageText(f.imageOps[i.imm]) : " {?}";
   }

@@ -1,3 +1,4 @@
+#include <bit>
 #include <string>
 #include <vector>
 
@@ -169,6 +170,11 @@ class Verifier {
         return check(type(i, 0) == Type::Mask, "needs a mask");
       case Op::QuadSwizzle:
         return check(type(i, 0) == i.type, "operand type differs from the result's");
+      case Op::SubgroupShuffle:
+        return check(isSized(i.type) && type(i, 0) == i.type, "operand type differs from the result's") &&
+               check(type(i, 1) == Type::I32, "lane must be i32");
+      case Op::SubgroupReduce:
+        return check(isSized(i.type) && type(i, 0) == i.type, "operand type differs from the result's");
       case Op::TableLoad:
         return check(type(i, 0) == Type::I32 && isSized(i.type), "needs an i32 offset and a sized type");
       case Op::Load:
@@ -223,6 +229,14 @@ class Verifier {
         return check(i.imm <= 1, "0 (coarse) or 1 (fine) expected");
       case Op::QuadSwizzle:
         return check(i.imm <= 255, "two bits for each of four lanes expected");
+      case Op::SubgroupReduce: {
+        const uint64_t op = i.imm & 0xff;
+        if (op > uint64_t(ReduceOp::Xor) || (i.imm >> 8 & 0xff) > uint64_t(ScanKind::Exclusive) ||
+            i.imm >> 16 > uint64_t(std::countr_zero(kSubgroupLanes)))
+          return fail("no such reduction");
+        return check(isFloat(i.type) == (opInfo(reduceOperation(ReduceOp(op))).operands == OperandRule::Float),
+                     "reduction and type do not fit");
+      }
       case Op::TableLoad:
         return check(high < kTableCount, "no such table");
       case Op::TileLoad:

@@ -3,8 +3,10 @@
 // passes are compared against. Abstract and high-level operations are not evaluated (lower them first).
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
@@ -200,16 +202,58 @@ class Evaluator {
       case Op::SubgroupAny:
       case Op::SubgroupAll: {
         bool some = false, all = true;
-        for (size_t k = 0; k < e_.lanes; ++k)
-          if (mask_[k]) (values_[o[0]][k]& 1 ? some = true : all = false);
+        const size_t first = l - l % kSubgroupLanes;
+        for (size_t k = first; k < std::min(e_.lanes, first + kSubgroupLanes); ++k)
+          if (mask_[k]) (values_[o[0]][k] & 1 ? some = true : all = false);
         r = i.op == Op::SubgroupAny ? some : all;
         return;
       }
+      case Op::SubgroupBallot:
+        for (size_t k = 0; k < kSubgroupLanes; ++k) {
+          const size_t from = l - l % kSubgroupLanes + k;
+          if (k == 0) r = 0;
+          if (from < e_.lanes && mask_[from]) r |= (values_[o[0]][from] & 1) << k;
+        }
+        return;
+      case Op::SubgroupShuffle: {
+        const size_t from = l - l % kSubgroupLanes + args[1] % kSubgroupLanes;
+        r = from < e_.lanes ? values_[o[0]][from] : 0;
+        return;
+      }
+      case Op::SubgroupReduce:
+        r = reduce(i, values_[o[0]], l);
+        return;
       default:
         if (!foldConstant(i.op, i.type, o.empty() ? Type::None : f_.type(o.back()), {args, o.size()}, r) &&
             e_.error.empty())
           e_.error = std::string("not evaluated: ") + opInfo(i.op).text;
     }
+  }
+
+  //! By recursion over the tree of ir.h, seen from its root.
+  uint64_t reduce(const Inst& i, const Row& row, size_t l) {
+    const ReduceOp op = ReduceOp(i.imm & 0xff);
+    const ScanKind kind = ScanKind(i.imm >> 8 & 0xff);
+    const size_t cluster = size_t(1) << (i.imm >> 16), first = l - l % cluster;
+    const auto leaf = [&](size_t k) { return k < e_.lanes && mask_[k] ? row[k] : reduceIdentity(op, i.type); };
+    const auto join = [&](uint64_t a, uint64_t b) {
+      const uint64_t args[] = {a, b};
+      uint64_t r = 0;
+      foldConstant(reduceOperation(op), i.type, i.type, args, r);
+      return r;
+    };
+    // Of `width` lanes up to and including lane k.
+    std::function<uint64_t(size_t, size_t)> ending = [&](size_t k, size_t width) -> uint64_t {
+      if (width == 1) return leaf(k);
+      const size_t half = width / 2;
+      return k - first >= half ? join(ending(k - half, half), ending(k, half)) : ending(k, half);
+    };
+    uint64_t r;
+    if (kind == ScanKind::Reduce) r = ending(first + cluster - 1, cluster);
+    else if (kind == ScanKind::Inclusive) r = ending(l, cluster);
+    else r = l == first ? reduceIdentity(op, i.type) : ending(l - 1, cluster);
+    if (isFloat(i.type) && floatValue(i.type, r) != floatValue(i.type, r)) r = floatBits(i.type, floatValue(i.type, r));
+    return r;
   }
 
   uint64_t fromTable(uint32_t table, uint64_t at, size_t bytes) {

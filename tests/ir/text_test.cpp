@@ -41,6 +41,10 @@ TEST(Text, printedTextParsesBackToTheSameText) {
   shader.output 0:3 %21
   %23 = image tuple {atomic buffer cas atomic=xchg operands=0 image=1 sampler=0 texel=i32} %2, %2, %2, %2, %2
   %24 = quad.swizzle f32 27 %6
+  %25 = subgroup.ballot i32 %3
+  %26 = subgroup.shuffle f32 %6, %25
+  %27 = subgroup.reduce f32 fmin:exclusive:8 %26
+  %28 = subgroup.reduce i32 iadd:reduce:32 %25
 )";
   const Function f = parsed(text);
   EXPECT_EQ(print(f), text);
