@@ -1,0 +1,53 @@
+// The same bits, whatever the number of threads and the instruction set.
+//
+// Both are settled when the driver is loaded, so each setting draws the gallery in a process of its own.
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+
+#include "cts_subset/harness/compare.h"
+#include "cts_subset/harness/vulkan_context.h"
+
+#include <gtest/gtest.h>
+
+namespace pumice::cts {
+namespace {
+
+// File name to contents.
+std::map<std::string, std::string> galleryWith(const std::string& setting) {
+  std::string directory = outputDirectory() + "/invariance/" + (setting.empty() ? "default" : setting);
+  std::filesystem::remove_all(directory);
+  std::filesystem::create_directories(directory);
+  std::string command = "env " + setting + " '" PUMICE_GALLERY_PROGRAM "' --out '" + directory + "' > '" +
+                        directory + "/log' 2>&1";
+  int status = std::system(command.c_str());
+  std::map<std::string, std::string> files;
+  for (const auto& entry : std::filesystem::directory_iterator(directory)) {
+    std::ifstream file(entry.path(), std::ios::binary);
+    std::string bytes((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+    if (entry.path().extension() == ".png") files[entry.path().filename()] = bytes;
+    if (entry.path().filename() == "log" && status != 0) ADD_FAILURE() << setting << ": " << bytes;
+  }
+  return files;
+}
+
+TEST(Invariance, GalleryHasTheSameBitsWithEveryThreadCountAndInstructionSet) {
+  if (testedDeviceName() != "Pumice") GTEST_SKIP() << "only promised for Pumice";
+  auto usual = galleryWith("");
+  ASSERT_GT(usual.size(), 20u);
+  // An instruction set that this processor lacks is replaced by the best one, with a message: no harm.
+  for (const char* setting :
+       {"PUMICE_THREADS=1", "PUMICE_THREADS=7", "PUMICE_ISA=scalar", "PUMICE_ISA=sse4", "PUMICE_ISA=avx2"}) {
+    auto other = galleryWith(setting);
+    ASSERT_EQ(other.size(), usual.size()) << setting;
+    for (const auto& [name, bytes] : usual)
+      EXPECT_TRUE(other[name] == bytes) << name << " differs with " << setting;
+  }
+}
+
+}  // namespace
+}  // namespace pumice::cts
