@@ -1,5 +1,7 @@
 #include "spirv_interp/ir/lower_math.h"
 
+#include <algorithm>
+
 #include "spirv_interp/ir/pass_list.h"
 #include "spirv_interp/ir/passes.h"
 
@@ -7,33 +9,45 @@ namespace pumice::ir {
 
 namespace {
 
-Value lowerOne(Builder& b, Op op, Type type, std::span<const Value> v, Numerics numerics) {
-  if (op == Op::FRsqrt) return b.fdiv(b.floatConstant(type, 1.0), b.fsqrt(v[0]));
-  if (numerics != Numerics::F32) return 0;
-  if (type == Type::F32) return lowerF32(b, op, v);
-  if (type != Type::F16) return 0;
-  // Half precision: computed in f32, whose error is far below a half's unit, and rounded once.
-  Value wide[2] = {};
-  for (size_t k = 0; k < v.size(); ++k) wide[k] = b.convert(Op::FToF, Type::F32, v[k]);
-  return b.convert(Op::FToF, Type::F16, lowerF32(b, op, {wide, v.size()}));
+Value lowerOne(Builder& b, Op op, Type type, std::span<const Value> v, bool uniform, Numerics numerics, AngleCache& cache) {
+  if (type == Type::F64) return lowerF64(b, op, v, uniform, cache);
+  const bool oracle = numerics == Numerics::Oracle;
+  if (type == Type::F32 && !oracle) return lowerF32(b, op, v, uniform, cache);
+  // The oracle computes in f64 and rounds nowhere. Half precision is computed in f32, whose error is far below
+  // a half's unit, and rounded once.
+  const Type wide = oracle ? Type::F64 : Type::F32;
+  auto convert = [&](Type to, Value x) {
+    if (oracle) b.setInstFlags(kInstKeep);
+    const Value r = b.convert(Op::FToF, to, x);
+    b.setInstFlags(0);
+    return r;
+  };
+  Value arguments[2] = {};
+  for (size_t k = 0; k < v.size(); ++k) arguments[k] = convert(wide, v[k]);
+  const Value r = (oracle ? lowerF64 : lowerF32)(b, op, {arguments, v.size()}, uniform, cache);
+  return r ? convert(type, r) : 0;
 }
 
 }  // namespace
 
 void lowerMath(Function& f, Numerics numerics) {
+  computeRates(f);
   Function out = withoutInstructions(f);
   Builder b(out);
+  AngleCache cache;
   std::vector<Value> map(f.insts.size()), operands;
   for (Value v = 1; v < f.insts.size(); ++v) {
     const Inst& i = f.insts[v];
     const OpInfo& info = opInfo(i.op);
     operands.clear();
     for (Value o : f.operands(i)) operands.push_back(map[o]);
+    if (info.flags & kControl) cache = {};
     b.setLine(i.line);
     b.setInstFlags(i.flags);
     if ((info.flags & kHigh) && info.operands == OperandRule::Float) {
       b.setInstFlags(0);
-      map[v] = lowerOne(b, i.op, i.type, operands, numerics);
+      const bool uniform = i.rate <= Rate::Draw;
+      map[v] = lowerOne(b, i.op, i.type, operands, uniform, numerics, cache);
       if (map[v]) continue;
     }
     map[v] = b.emit(i.op, i.type, operands, i.imm);

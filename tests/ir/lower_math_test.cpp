@@ -231,15 +231,6 @@ TEST(LowerMath, halvesAreRoundedOnce) {
   EXPECT_LT(off, 30u) << "only near midpoints may the two roundings differ";
 }
 
-TEST(LowerMath, doublesAndTheOracleKeepTheirOperations) {
-  Function f;
-  Builder b(f);
-  b.output(0, b.unary(Op::FSin, b.input(Type::F64, 0)));
-  b.output(1, b.unary(Op::FRsqrt, b.input(Type::F64, 0)));
-  lowerMath(f, Numerics::F32);
-  EXPECT_NE(print(f).find("fsin f64"), std::string::npos);
-  EXPECT_EQ(print(f).find("frsqrt"), std::string::npos);
-}
 
 }  // namespace
 }  // namespace pumice::ir
