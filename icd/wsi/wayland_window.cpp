@@ -18,7 +18,7 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 // A window that is hidden is never asked for a frame, but whoever waits for the queue must not wait for ever.
-constexpr std::chrono::milliseconds kLongestFrame{100};
+constexpr std::chrono::milliseconds kLongestFrame{250};
 
 class WaylandWindow final : public Window {
  public:
