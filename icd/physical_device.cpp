@@ -47,9 +47,8 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxFragmentCombinedOutputResources = kMany;
   l.maxComputeSharedMemorySize = 64 << 10;
   for (uint32_t& n : l.maxComputeWorkGroupCount) n = 65535;
-  // A group with barriers runs as one row of lanes.
-  l.maxComputeWorkGroupInvocations = interp::kMaxLanes;
-  l.maxComputeWorkGroupSize[0] = l.maxComputeWorkGroupSize[1] = interp::kMaxLanes;
+  l.maxComputeWorkGroupInvocations = pipeline::kMaxGroupInvocations;
+  l.maxComputeWorkGroupSize[0] = l.maxComputeWorkGroupSize[1] = pipeline::kMaxGroupInvocations;
   l.maxComputeWorkGroupSize[2] = 64;
   l.subPixelPrecisionBits = raster::kSubpixelBits;
   l.subTexelPrecisionBits = 8;

@@ -48,19 +48,23 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
   ComputeExpander expander(pipeline, key);
   ir::inlineShader(b, shader.function, expander);
   if (!expander.error().empty()) return base::Error{expander.error()};
-  // A group that is one row runs in lock step: every lane has done what stands before a barrier when it is reached.
-  if (shader.usesBarrier && invocations > interp::kMaxLanes)
-    return base::errorf("barriers in work groups of more than %u invocations are not supported yet (this one has %llu)",
-                        interp::kMaxLanes, static_cast<unsigned long long>(invocations));
-  auto code = finishRoutine(f, ir::Numerics::F32, shader.usesBarrier);
+  if (invocations == 0 || invocations > kMaxGroupInvocations)
+    return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
+  auto code = finishRoutine(f, ir::Numerics::F32);
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<ComputeRoutine>();
   routine->code = std::move(code).value();
   routine->localSize = shader.localSize;
   routine->sharedBytes = shader.function.sharedBytes;
+  bool loops = false, atomics = false;
   routine->groupsApart = routine->sharedBytes || shader.usesBarrier;
-  for (const ir::Inst& i : shader.function.insts)
+  for (const ir::Inst& i : f.insts) {
     routine->groupsApart |= (i.op >= Op::QuadDdx && i.op <= Op::SubgroupReduce) || i.op == Op::LaneId;
+    loops |= i.op == Op::Loop;
+    atomics |= i.op == Op::Atomic || i.op == Op::AtomicCas || (i.op == Op::Load && (i.flags & ir::kInstVolatile));
+  }
+  // The rows of a group may wait for each other.
+  if (loops && atomics && invocations > interp::kMaxLanes) routine->groupsApart = true;
   return routine;
 }
 

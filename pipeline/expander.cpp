@@ -190,15 +190,9 @@ std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& o
   return results;
 }
 
-base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, bool lockStep) {
+base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics) {
   if (std::string why = ir::verify(f); !why.empty()) return base::errorf("%s: made invalid IR: %s", f.name.c_str(), why.c_str());
   ir::optimise(f);
-  if (lockStep)
-    for (ir::Inst& i : f.insts)
-      if (i.op == Op::Barrier) {   // an instruction without effect keeps the numbering
-        i.op = Op::ExecMask;
-        i.type = Type::Mask;
-      }
   interp::CompileOptions options;
   options.numerics = numerics;
   return interp::compileInterpreter(f, options);

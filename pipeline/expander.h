@@ -56,9 +56,8 @@ class StageExpander : public ir::Expander {
   std::string error_;
 };
 
-//! Verifies, optimises and compiles a finished routine. With `lockStep` every group of invocations is one row: barriers
-//! order memory for the passes and then do nothing.
-base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, bool lockStep = false);
+//! Verifies, optimises and compiles a finished routine.
+base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics);
 
 //! A copy of the shader's function in which memory is only changed where `helper.mask` is false.
 ir::Function guardEffects(const ir::Function& f);

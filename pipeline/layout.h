@@ -38,6 +38,7 @@ struct Layout {
 };
 
 constexpr uint32_t kMaxPushBytes = 256;
+constexpr uint32_t kMaxGroupInvocations = 1024;   //!< of a work group, in any shape
 constexpr uint32_t kMaxDynamicOffsets = 32;   //!< maxDescriptorSet{Uniform,Storage}BuffersDynamic together
 constexpr uint32_t kMaxVertexBindings = 32;
 constexpr uint32_t kMaxVertexAttributes = 32;

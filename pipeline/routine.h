@@ -62,7 +62,7 @@ struct ComputeRoutine {
   std::unique_ptr<interp::Executable> code;
   std::array<uint32_t, 3> localSize{1, 1, 1};
   uint32_t sharedBytes = 0;
-  bool groupsApart = false;                 //!< a row never holds invocations of two work groups: shared memory, barriers, subgroups
+  bool groupsApart = false;                 //!< a row never holds invocations of two work groups: shared memory, barriers, subgroups, waiting
 };
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& pipeline, const DispatchState& dispatch);
 

@@ -13,7 +13,7 @@ namespace pumice::interp {
 
 struct Code;
 struct RunState;
-//! Executes one instruction and gives the next (null at the end).
+//! Executes one instruction and gives the next (null: back to the caller, RunState::next says where to go on).
 using Kernel = const Code* (*)(RunState&, const Code*);
 
 struct Code {
@@ -41,6 +41,9 @@ struct RunState {
   uint64_t* bankOut;                //!< preamble only: the bank being filled
   const Table* tables;
   const ExecContext* context;
+  const Code* next;                 //!< where to go on; null: the row has finished
+  uint32_t turns;                   //!< loop turns until the row comes back to its caller
+  bool atBarrier;
 
   template <class T>
   T* row(uint32_t offset) const { return reinterpret_cast<T*>(registers + offset); }
@@ -67,7 +70,7 @@ enum class Internal : uint8_t {
   OutputRow,    //!< active lanes of the caller's row imm become src
   kCount
 };
-enum class Control : uint8_t { If, Else, EndIf, Loop, EndLoop, Block, EndBlock, Leave, Break, End, kCount };
+enum class Control : uint8_t { If, Else, EndIf, Loop, EndLoop, Block, EndBlock, Leave, Break, Barrier, End, kCount };
 
 //! The kernels of one instruction set.
 struct KernelTable {

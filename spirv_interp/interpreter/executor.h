@@ -54,13 +54,32 @@ class UniformBank {
   std::unique_ptr<uint64_t[]> slots;   //!< 8 bytes per value (masks: 0 or 1)
 };
 
+//! What a row that has not finished needs to go on: position, masks, registers, local memory. Used again row after row.
+class RowState {
+ public:
+  virtual ~RowState() = default;
+};
+
+enum class Progress : uint8_t {
+  Finished,
+  Barrier,   //!< goes on when every other row of the work group is at a barrier or has finished
+  Yielded,   //!< gave way in a loop: it may be waiting for what another row of the work group writes
+};
+
 //! An executable routine. The caller sets the floating-point environment (base/fpenv.h). Immutable after compilation; run() may be called from many threads at once.
 class Executable {
  public:
   virtual ~Executable() = default;
   //! Computes the draw-rate values. Tables must stay valid until the last run() with this bank.
   virtual UniformBank preamble(const Table* tables) const = 0;
+  //! Runs a row to its end. Barriers do nothing: the row is the whole work group.
   virtual void run(const UniformBank& bank, const ExecContext& context) const = 0;
+  //! For work groups of several rows. Null: out of memory.
+  virtual std::unique_ptr<RowState> newRowState() const = 0;
+  //! Runs a row until it has finished or must wait. Until it has finished, bank and context must stay valid and the
+  //! state belongs to the row; resume() goes on.
+  virtual Progress start(const UniformBank& bank, const ExecContext& context, RowState& row) const = 0;
+  virtual Progress resume(RowState& row) const = 0;
   //! For statistics and tests.
   virtual size_t instructionCount() const = 0;
   virtual size_t preambleInstructionCount() const = 0;

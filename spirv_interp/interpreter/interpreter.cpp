@@ -32,11 +32,17 @@ class Scratch {
 };
 thread_local Scratch scratch;
 
-void execute(RunState& s, const Code* c) {
+constexpr uint32_t kTurns = 256;   //!< of a loop, before a row gives way
+
+//! Until the end, a barrier, or a loop's turns are used up.
+void execute(RunState& s) {
+  s.turns = kTurns;
+  s.atBarrier = false;
+  const Code* c = s.next;
   while (c) c = c->run(s, c);
 }
 
-void start(RunState& s, uint32_t lanes, const uint64_t* active) {
+void activate(RunState& s, uint32_t lanes, const uint64_t* active) {
   s.lanes = lanes;
   s.rounded = (lanes + 15) & ~15u;
   for (unsigned w = 0; w < kMaskWords; w++) {
@@ -58,7 +64,7 @@ class Interpreted final : public Executable {
     const uint64_t active[kMaskWords] = {1};
     const ExecContext none;
     RunState s;
-    start(s, 1, active);
+    activate(s, 1, active);
     s.registers = scratch.get(p_.preambleRegisters + kAlign);
     if (!s.registers) return bank;
     s.uniforms = reinterpret_cast<const std::byte*>(bank.slots.get());
@@ -66,13 +72,14 @@ class Interpreted final : public Executable {
     s.bankOut = bank.slots.get();
     s.tables = tables;
     s.context = &none;
-    execute(s, p_.preamble.data());
+    s.next = p_.preamble.data();
+    execute(s);   // no loops
     return bank;
   }
 
   void run(const UniformBank& bank, const ExecContext& context) const override {
     RunState s;
-    start(s, context.lanes, context.active);
+    activate(s, context.lanes, context.active);
     if (s.none()) return;
     const size_t bytes = p_.bodyRegisters + p_.localBytes + kAlign;
     if (bytes <= kMaxStackBytes) {
@@ -82,19 +89,48 @@ class Interpreted final : public Executable {
       s.registers = scratch.get(bytes);
       if (!s.registers) return base::logError("out of memory: %u lanes were not run", context.lanes);
     }
-    s.uniforms = reinterpret_cast<const std::byte*>(bank.slots.get());
-    s.local = s.registers + p_.bodyRegisters;
-    s.bankOut = nullptr;
-    s.tables = context.tables;
-    s.context = &context;
-    execute(s, p_.body.data());
+    begin(s, bank, context);
+    while (s.next) execute(s);
   }
+
+  std::unique_ptr<RowState> newRowState() const override {
+    auto row = std::make_unique<Row>();
+    row->state.registers = row->memory.get(p_.bodyRegisters + p_.localBytes + kAlign);
+    return row->state.registers ? std::move(row) : nullptr;
+  }
+  Progress start(const UniformBank& bank, const ExecContext& context, RowState& row) const override {
+    RunState& s = static_cast<Row&>(row).state;
+    activate(s, context.lanes, context.active);
+    if (s.none()) return Progress::Finished;
+    begin(s, bank, context);
+    return advance(s);
+  }
+  Progress resume(RowState& row) const override { return advance(static_cast<Row&>(row).state); }
 
   size_t instructionCount() const override { return p_.body.size(); }
   size_t preambleInstructionCount() const override { return p_.preamble.size(); }
   size_t registerBytes() const override { return p_.bodyRegisters; }
 
  private:
+  struct Row final : RowState {
+    Scratch memory;
+    RunState state;
+  };
+
+  void begin(RunState& s, const UniformBank& bank, const ExecContext& context) const {
+    s.uniforms = reinterpret_cast<const std::byte*>(bank.slots.get());
+    s.local = s.registers + p_.bodyRegisters;
+    s.bankOut = nullptr;
+    s.tables = context.tables;
+    s.context = &context;
+    s.next = p_.body.data();
+  }
+  Progress advance(RunState& s) const {
+    do execute(s);
+    while (s.next && !s.atBarrier && !p_.mayWait);
+    return !s.next ? Progress::Finished : s.atBarrier ? Progress::Barrier : Progress::Yielded;
+  }
+
   Program p_;
 };
 

@@ -43,9 +43,16 @@ const Code* beginConstruct(RunState& s, const Code* c) {
   assign(s.mask(c->src[0]), s.exec);
   return c + 1;
 }
+inline const Code* suspend(RunState& s, const Code* next) {
+  s.next = next;
+  return nullptr;
+}
 //! src: saved E, distance to the end of the region around. imm: back to the loop's first instruction
 const Code* endLoop(RunState& s, const Code* c) {
-  if (!s.none()) return c + int64_t(c->imm);
+  if (!s.none()) {
+    const Code* again = c + int64_t(c->imm);
+    return --s.turns ? again : suspend(s, again);
+  }
   assign(s.exec, s.mask(c->src[0]));
   return skipIfNone(s, c, int32_t(c->src[1]));
 }
@@ -60,7 +67,11 @@ const Code* breakOut(RunState& s, const Code* c) {
   for (unsigned w = 0; w < kMaskWords; w++) s.exec[w] = 0;
   return c + int64_t(c->imm);
 }
-const Code* end(RunState&, const Code*) { return nullptr; }
+const Code* barrier(RunState& s, const Code* c) {
+  s.atBarrier = true;
+  return suspend(s, c + 1);
+}
+const Code* end(RunState& s, const Code*) { return suspend(s, nullptr); }
 
 template <class F>
 inline const Code* maskBinary(RunState& s, const Code* c, F f) {
@@ -148,6 +159,7 @@ void addControlKernels(KernelTable& t) {
   t.at(Control::EndBlock) = endConstruct;
   t.at(Control::Leave) = leave;
   t.at(Control::Break) = breakOut;
+  t.at(Control::Barrier) = barrier;
   t.at(Control::End) = end;
   t.at(Op::MaskAnd, Type::Mask) = maskAnd;
   t.at(Op::MaskOr, Type::Mask) = maskOr;

@@ -29,6 +29,7 @@ class Lowering {
     resolve(pending_, end);
     pending_.clear();
 
+    program_.mayWait = mayWait();
     makePreamble();
     if (!error_.empty()) return base::Error{error_};
     if (!body_.finish(program_.body, program_.bodyRegisters) || !pre_.finish(program_.preamble, program_.preambleRegisters))
@@ -115,6 +116,15 @@ class Lowering {
     return r;
   }
 
+  //! A loop may wait for what other invocations write.
+  bool mayWait() const {
+    for (const Inst& i : f_.insts)
+      if (i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
+          ((i.op == Op::Load || i.op == Op::SharedLoad) && (i.flags & ir::kInstVolatile)))
+        return true;
+    return false;
+  }
+
   // --- instructions
 
   //! Variables and local memory are zero at the start of the routine, wherever they stand.
@@ -179,6 +189,7 @@ class Lowering {
       case Op::Block:
       case Op::EndBlock:
       case Op::Break: return structure(v);
+      case Op::Barrier: list_->add(control(Control::Barrier), {}, {}); return;
       default: break;
     }
 

@@ -17,6 +17,7 @@ struct Program {
   std::vector<Code> body;
   uint32_t slots = 0;
   size_t preambleRegisters = 0, bodyRegisters = 0;   //!< bytes
+  bool mayWait = false;                              //!< a row must give way in its loops
   size_t localBytes = 0;                             //!< LocalAlloc memory of a row
 };
 

@@ -261,10 +261,140 @@ TEST(ControlFlow, uniformWorkGoesToThePreamble) {
   EXPECT_EQ(run.outputs[0].get(Type::F32, 3), std::bit_cast<uint32_t>(5.5f));
 }
 
-TEST(ControlFlow, barriersAreRefused) {
-  const Function f = parsed("barrier\n");
-  auto compiled = compileInterpreter(f, {});
-  EXPECT_FALSE(compiled);
+//! One row of a work group: its number in input 0, LaneId for the rest.
+struct GroupRow {
+  Row number, out;
+  const void* in[1] = {number.bytes};
+  void* outputs[1] = {out.bytes};
+  ExecContext context;
+  std::unique_ptr<RowState> state;
+  GroupRow(uint32_t n, std::vector<std::byte>& shared, const Table* tables) {
+    for (unsigned lane = 0; lane < kMaxLanes; lane++) number.set(Type::I32, lane, n);
+    context.lanes = kMaxLanes;
+    context.active[0] = context.active[1] = ~uint64_t(0);
+    context.inputs = in;
+    context.outputs = outputs;
+    context.tables = tables;
+    context.shared = shared.data();
+    context.sharedBytes = shared.size();
+  }
+};
+
+TEST(ControlFlow, aRowStopsAtABarrierAndGoesOnWithItsValues) {
+  // Each turn a row writes what it knows, waits, and takes what the other row wrote.
+  const Function f = parsed(R"(function "exchange" shared=8
+    %n = input i32 0
+    %lane = lane.id i32
+    %c1 = const i32 1
+    %c2 = const i32 2
+    %c3 = const i32 3
+    %c4 = const i32 4
+    %v = var i32
+    %k = var i32
+    %start = iadd i32 %n, %lane
+    var.set %v, %start
+    %mine = imul i32 %n, %c4
+    %other = xor i32 %mine, %c4
+    loop
+      %now = var.get i32 %k
+      %done = ule mask %c3, %now
+      if %done
+        break 0
+      endif
+      %x = var.get i32 %v
+      %first = ult mask %lane, %c1
+      if %first
+        shared.store %mine, %x
+      endif
+      barrier
+      %y = shared.load i32 %other
+      barrier
+      %twice = imul i32 %x, %c2
+      %sum = iadd i32 %twice, %y
+      var.set %v, %sum
+      %next = iadd i32 %now, %c1
+      var.set %k, %next
+    endloop
+    %r = var.get i32 %v
+    output 0 %r
+  )");
+  base::ScopedFpEnv environment;
+  for (const Target& target : availableTargets()) {
+    auto compiled = compileInterpreterFor(f, {}, target);
+    ASSERT_TRUE(compiled) << compiled.error().message;
+    Tables tables{};
+    std::vector<std::byte> shared(8);
+    const UniformBank bank = (*compiled)->preamble(tables);
+    GroupRow rows[] = {{0, shared, tables}, {1, shared, tables}};
+    unsigned stops = 0;
+    for (GroupRow& r : rows) {
+      r.state = (*compiled)->newRowState();
+      ASSERT_EQ((*compiled)->start(bank, r.context, *r.state), Progress::Barrier);
+    }
+    for (Progress p = Progress::Barrier; p != Progress::Finished; stops++)
+      for (GroupRow& r : rows) p = (*compiled)->resume(*r.state);
+    EXPECT_EQ(stops, 6u);
+    uint32_t v[2][kMaxLanes];
+    for (unsigned n = 0; n < 2; n++)
+      for (unsigned l = 0; l < kMaxLanes; l++) v[n][l] = n + l;
+    for (int k = 0; k < 3; k++) {
+      const uint32_t first[] = {v[0][0], v[1][0]};
+      for (unsigned n = 0; n < 2; n++)
+        for (unsigned l = 0; l < kMaxLanes; l++) v[n][l] = v[n][l] * 2 + first[1 - n];
+    }
+    for (unsigned n = 0; n < 2; n++)
+      for (unsigned l = 0; l < kMaxLanes; l++) ASSERT_EQ(rows[n].out.get(Type::I32, l), v[n][l]) << n << ", " << l;
+  }
+}
+
+TEST(ControlFlow, barriersDoNothingInAGroupOfOneRow) {
+  const Function f = parsed(R"(
+    %1 = input i32 0
+    barrier
+    output 0 %1
+  )");
+  RowRun run(1, 1);
+  for (unsigned lane = 0; lane < kMaxLanes; lane++) run.inputs[0].set(Type::I32, lane, lane * 3);
+  run(f);
+  for (unsigned lane = 0; lane < kMaxLanes; lane++) EXPECT_EQ(run.outputs[0].get(Type::I32, lane), lane * 3);
+}
+
+TEST(ControlFlow, onlyLoopsThatMayWaitForOthersGiveWay) {
+  const char* text = R"(function "long loop" shared=4
+    %zero = const i32 0
+    %one = const i32 1
+    %limit = const i32 5000
+    %k = var i32
+    loop
+      %now = var.get i32 %k
+      %done = ule mask %limit, %now
+      if %done
+        break 0
+      endif
+      %next = iadd i32 %now, %one
+      var.set %k, %next
+    endloop
+    %old = LOAD
+    %sum = var.get i32 %k
+    output 0 %sum
+  )";
+  for (const bool atomic : {false, true}) {
+    std::string t = text;
+    t.replace(t.find("LOAD"), 4, atomic ? "shared.atomic i32 add+0 %zero, %one" : "shared.load i32 %zero");
+    auto compiled = compileInterpreter(parsed(t), {});
+    ASSERT_TRUE(compiled) << compiled.error().message;
+    Tables tables{};
+    std::vector<std::byte> shared(4);
+    const UniformBank bank = (*compiled)->preamble(tables);
+    GroupRow row(0, shared, tables);
+    row.state = (*compiled)->newRowState();
+    Progress p = (*compiled)->start(bank, row.context, *row.state);
+    unsigned yields = 0;
+    for (; p == Progress::Yielded; p = (*compiled)->resume(*row.state)) yields++;
+    EXPECT_EQ(p, Progress::Finished);
+    EXPECT_EQ(yields > 0, atomic);
+    EXPECT_EQ(row.out.get(Type::I32, 77), 5000u);
+  }
 }
 
 }  // namespace

@@ -85,14 +85,129 @@ void main() { data[gl_GlobalInvocationID.x * 3u] = 1u; })",
   EXPECT_EQ(c.data, (std::vector<uint32_t>{1, 0, 0, 1, 0, 0, 1, 0, 0, 1}));
 }
 
-TEST(Dispatch, BarriersInGroupsOfSeveralRowsAreRefused) {
-  Compute c(R"(#version 450
-layout(local_size_x = 256) in;
+TEST(Dispatch, BarriersInAUniformLoopHoldBackEveryRow) {
+  for (uint32_t size : {100u, 128u, 129u, 256u, 1000u, 1024u}) {
+    const std::string n = std::to_string(size);
+    // A running sum over the whole group: two barriers a turn, a different number of turns in each group size.
+    Compute c("#version 450\n#define N " + n + "u\nlayout(local_size_x = " + n + R"() in;
 layout(set = 0, binding = 0) buffer B { uint data[]; };
-shared uint values[256];
-void main() { values[gl_LocalInvocationID.x] = 1u; barrier(); data[0] = values[3]; })",
-            4);
-  EXPECT_NE(c.error.find("barrier"), std::string::npos) << c.error;
+shared uint sums[N];
+void main() {
+  uint i = gl_LocalInvocationID.x, own = gl_GlobalInvocationID.x * 7u + 3u;
+  sums[i] = own;
+  barrier();
+  uint turns = 0u;
+  for (uint d = 1u; d < N; d *= 2u) {
+    uint add = i >= d ? sums[i - d] : 0u;
+    barrier();
+    sums[i] += add;
+    turns++;
+    barrier();
+  }
+  data[gl_GlobalInvocationID.x] = sums[i] * 16u + turns + (own << 28);
+})",
+              size * 5);
+    ASSERT_EQ(c.error, "");
+    c.run(2, {5, 1, 1});
+    uint32_t turns = 0;
+    for (uint32_t d = 1; d < size; d *= 2) turns++;
+    for (uint32_t g = 0; g < 5; ++g)
+      for (uint32_t i = 0, sum = 0; i < size; ++i) {
+        const uint32_t own = (g * size + i) * 7 + 3;
+        sum += own;
+        ASSERT_EQ(c.data[g * size + i], sum * 16 + turns + (own << 28)) << size << " group " << g << " lane " << i;
+      }
+  }
+}
+
+TEST(Dispatch, BarriersInUniformBranchesAndFunctionsKeepWhatIsLive) {
+  Compute c(R"(#version 450
+layout(local_size_x = 8, local_size_y = 8, local_size_z = 9) in;
+layout(set = 0, binding = 0) buffer B { uint data[]; };
+shared uint box[576];
+uint swap(uint v, uint by) {
+  box[gl_LocalInvocationIndex] = v;
+  barrier();
+  uint r = box[(gl_LocalInvocationIndex + by) % 576u];
+  barrier();
+  return r;
+}
+void main() {
+  uint i = gl_LocalInvocationIndex;
+  uint local[4] = uint[](i, i + 1u, i + 2u, i + 3u);
+  uint v = i;
+  if (gl_WorkGroupID.x % 2u == 1u) v = swap(v, 200u) + local[i % 4u];
+  else if (i % 3u == 0u) v += 1000u;
+  for (uint k = 0u; k < gl_WorkGroupID.x; k++) {
+    if (k == 2u) v = swap(v, 1u);
+    else local[k & 3u] += v;
+  }
+  data[gl_WorkGroupID.x * 576u + i] = v + local[0] * 65536u;
+})",
+            576 * 6);
+  ASSERT_EQ(c.error, "");
+  c.run(3, {6, 1, 1});
+  for (uint32_t g = 0; g < 6; ++g) {
+    std::vector<uint32_t> v(576);
+    std::vector<std::array<uint32_t, 4>> local(576);
+    const auto swap = [&](uint32_t by) {
+      const std::vector<uint32_t> old = v;
+      for (uint32_t i = 0; i < 576; ++i) v[i] = old[(i + by) % 576];
+    };
+    for (uint32_t i = 0; i < 576; ++i) v[i] = i, local[i] = {i, i + 1, i + 2, i + 3};
+    if (g % 2) swap(200);
+    for (uint32_t i = 0; i < 576; ++i) {
+      if (g % 2) v[i] += local[i][i % 4];
+      else if (i % 3 == 0) v[i] += 1000;
+    }
+    for (uint32_t k = 0; k < g; ++k) {
+      if (k == 2) swap(1);
+      else
+        for (uint32_t i = 0; i < 576; ++i) local[i][k & 3] += v[i];
+    }
+    for (uint32_t i = 0; i < 576; ++i) ASSERT_EQ(c.data[g * 576 + i], v[i] + local[i][0] * 65536) << g << ", " << i;
+  }
+}
+
+TEST(Dispatch, RowsThatSpinLetTheOthersOfTheirGroupRun) {
+  // The first row waits for the last one, in shared memory and in a buffer.
+  for (const char* flag : {"flag", "data[gl_WorkGroupID.x]"}) {
+    Compute c(R"(#version 450
+layout(local_size_x = 512) in;
+layout(set = 0, binding = 0) buffer B { uint data[]; };
+shared uint flag;
+#define FLAG )" + std::string(flag) + R"(
+void main() {
+  uint i = gl_LocalInvocationID.x;
+  if (i < 128u) while (atomicAdd(FLAG, 0u) != 384u) { }
+  else atomicAdd(FLAG, 1u);
+  data[4u + gl_GlobalInvocationID.x] = i + 1u;
+})",
+              4 + 512 * 4);
+    ASSERT_EQ(c.error, "");
+    c.run(2, {4, 1, 1});
+    for (uint32_t i = 0; i < 2048; ++i) ASSERT_EQ(c.data[4 + i], i % 512 + 1) << flag;
+  }
+}
+
+TEST(Dispatch, SubgroupsNumberTheInvocationsOfAGroupInOrder) {
+  Compute c(R"(#version 450
+#extension GL_KHR_shader_subgroup_arithmetic : require
+layout(local_size_x = 40, local_size_y = 5) in;
+layout(set = 0, binding = 0) buffer B { uint data[]; };
+void main() {
+  uint i = gl_LocalInvocationIndex;
+  data[gl_WorkGroupID.x * 200u + i] = gl_SubgroupID << 24 | gl_SubgroupInvocationID << 16 | subgroupAdd(i);
+})",
+            400);
+  ASSERT_EQ(c.error, "");
+  c.run(2, {2, 1, 1});
+  for (uint32_t i = 0; i < 400; ++i) {
+    const uint32_t l = i % 200, first = l / 32 * 32, end = std::min(first + 32, 200u);
+    uint32_t sum = 0;
+    for (uint32_t k = first; k < end; ++k) sum += k;
+    ASSERT_EQ(c.data[i], (l / 32) << 24 | (l % 32) << 16 | sum) << i;
+  }
 }
 
 }  // namespace
