@@ -87,17 +87,6 @@ void onOrderedNotEqual(Translator& t, const Instruction& inst, uint32_t inverted
   t.define(inst, std::move(out));
 }
 
-void onOrdered(Translator& t, const Instruction& inst, uint32_t inverted) {
-  const Values& x = t.data(inst.operand(0));
-  const Values& y = sameSize(t, inst.operand(1), x);
-  Values out;
-  for (size_t i = 0; i < x.size(); i++) {
-    Value m = t.b.maskAnd(t.b.feq(x[i], x[i]), t.b.feq(y[i], y[i]));
-    out.push_back(inverted ? t.b.maskNot(m) : m);
-  }
-  t.define(inst, std::move(out));
-}
-
 //! The factors of an operand that is a product which may be contracted; false if it is none.
 bool product(Translator& t, uint32_t id, Values& x, Values& y) {
   const Instruction* inst = t.module.definition(id);
@@ -198,8 +187,7 @@ void onAnyAll(Translator& t, const Instruction& inst, uint32_t all) {
 
 void onSelect(Translator& t, const Instruction& inst, uint32_t) {
   const Values& m = t.data(inst.operand(0));
-  if (t.val(inst.operand(1)).kind != Val::Data && t.type(inst.resultType).scalars == 0)
-    fail("OpSelect of pointers is not supported");
+  if (t.type(inst.resultType).scalars == 0) fail("OpSelect of something that is not a value");
   const Values& x = t.data(inst.operand(1));
   const Values& y = sameSize(t, inst.operand(2), x);
   if (m.size() != 1 && m.size() != x.size()) fail("OpSelect with a condition of the wrong size");
@@ -209,6 +197,7 @@ void onSelect(Translator& t, const Instruction& inst, uint32_t) {
     out.push_back(t.b.select(m.size() == 1 ? m[0] : m[i], x[i], y[i]));
   }
   t.define(inst, std::move(out));
+  if (t.type(inst.resultType).kind == TypeInfo::Pointer) t.inheritLayout(inst.result, inst.operand(1));
 }
 
 void onIsNan(Translator& t, const Instruction& inst, uint32_t) {
@@ -568,8 +557,6 @@ constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpSelect, onSelect},
     {spv::Op::OpIsNan, onIsNan},
     {spv::Op::OpIsInf, onIsInf},
-    {spv::Op::OpOrdered, onOrdered, 0},
-    {spv::Op::OpUnordered, onOrdered, 1},
     {spv::Op::OpIEqual, onCompare, a(Op::IEq)},
     {spv::Op::OpINotEqual, onCompare, a(Op::INe)},
     {spv::Op::OpULessThan, onCompare, a(Op::ULt)},

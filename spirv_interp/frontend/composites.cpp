@@ -96,9 +96,21 @@ void onCopy(Translator& t, const Instruction& inst, uint32_t) {
   copy.type = inst.resultType;
   if (copy.kind == Val::Data) {
     t.define(inst, std::move(copy.scalars));
+    if (copy.pointer) t.inheritLayout(inst.result, inst.operand(0));
     return;
   }
-  if (t.module.find(inst.result, spv::Decoration::NonUniform)) copy.pointer.nonUniform = copy.opaque.nonUniform = true;
+  if (t.module.find(inst.result, spv::Decoration::NonUniform)) {
+    if (copy.pointer) {
+      Pointer p = *copy.pointer;
+      p.nonUniform = true;
+      copy.pointer = std::make_shared<Pointer>(p);
+    }
+    if (copy.opaque) {
+      Opaque o = *copy.opaque;
+      o.nonUniform = true;
+      copy.opaque = std::make_shared<Opaque>(o);
+    }
+  }
   t.setVal(inst.result, std::move(copy));
 }
 

@@ -373,6 +373,8 @@ void Translator::blockInstructions(const BasicBlock& current) {
         std::vector<Value> values;
         for (Value var : phiVars(inst)) values.push_back(b.get(var));
         define(inst, std::move(values));
+        if (type(inst.resultType).kind == TypeInfo::Pointer)
+          for (size_t pair = 0; pair + 1 < inst.count(); pair += 2) inheritLayout(inst.result, inst.operand(pair));
         break;
       }
       case spv::Op::OpVariable: declareVariable(inst); break;
@@ -414,7 +416,7 @@ void Translator::translateFunctionCall(const Instruction& inst) {
     const Instruction* parameter = module.definition(function.parameters[i]);
     if (!parameter) fail("parameter %u has no type", function.parameters[i]);
     const TypeInfo& wanted = type(parameter->resultType);
-    if (arguments[i].kind == Val::Data && arguments[i].scalars.size() != wanted.scalars)
+    if ((arguments[i].kind == Val::Data || arguments[i].scalars.size()) && arguments[i].scalars.size() != wanted.scalars)
       fail("a call with an argument of the wrong type");
     arguments[i].type = parameter->resultType;
     setVal(function.parameters[i], std::move(arguments[i]));

@@ -6,6 +6,7 @@
 
 #include <spirv/unified1/GLSL.std.450.h>
 
+#include "spirv_interp/frontend/support.h"
 #include "spirv_interp/frontend/translator.h"
 
 namespace pumice::frontend {
@@ -574,7 +575,12 @@ void translateGlsl450(Translator& t, const Instruction& inst) {
     entry.handler(Ext{t, t.b, inst, entry.aux});
     return;
   }
-  fail("GLSL.std.450 instruction %u is not supported", inst.operand(1));
+  const char* why = whyNotGlsl450(inst.operand(1));
+  fail("GLSL.std.450 instruction %u %s", inst.operand(1), why ? why : "is not supported");
+}
+
+bool handlesGlsl450(uint32_t number) {
+  return std::any_of(std::begin(kEntries), std::end(kEntries), [&](const ExtEntry& e) { return e.number == number; });
 }
 
 }  // namespace pumice::frontend

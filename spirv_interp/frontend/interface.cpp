@@ -127,6 +127,7 @@ void Translator::appendIo(uint32_t typeId, const IoCursor& cursor, std::vector<I
 Value Translator::readInput(const IoLeaf& leaf, Type type) {
   if (leaf.builtIn == ~0u)
     return b.emit(Op::ShaderInput, type, {}, uint64_t(leaf.variable) << 32 | leaf.component);
+  if (Value v = subgroupBuiltIn(spv::BuiltIn(leaf.builtIn), leaf.component)) return resize(v, type, false);
   switch (spv::BuiltIn(leaf.builtIn)) {
     case spv::BuiltIn::HelperInvocation: return 0;  // changes while the shader runs: read at each load
     case spv::BuiltIn::DeviceIndex: return b.i32(0);
@@ -341,15 +342,22 @@ void Translator::declareVariable(const Instruction& inst) {
   if (inst.count() >= 2) {
     if (variable.home != Home::Registers && variable.home != Home::Local && variable.home != Home::Shared)
       fail("variable %u may not have an initializer", inst.result);
-    if (variable.home == Home::Shared)
-      fail("work-group variable %u with an initializer is not supported", inst.result);
-    store(p, data(inst.operand(1)));
-    markWritten(p);
+    if (variable.home == Home::Shared) {
+      // Work-group memory is zero when the group starts (shader.h), which is all that Vulkan allows here.
+      for (Value v : data(inst.operand(1))) {
+        uint64_t bits = 0;
+        if (!b.isConstant(v, &bits) || bits) fail("work-group variable %u has an initializer other than zero", inst.result);
+      }
+    } else {
+      store(p, data(inst.operand(1)));
+      markWritten(p);
+    }
   }
   Val v;
   v.kind = Val::Ptr;
   v.type = inst.resultType;
-  v.pointer = p;
+  if (variablePointers) v.scalars = pointerScalars(p);
+  v.pointer = std::make_shared<Pointer>(p);
   setVal(inst.result, std::move(v));
 }
 
@@ -399,6 +407,9 @@ void Translator::finishInterface() {
       default: break;
     }
   }
+  if (storesThroughVariablePointers)
+    for (Resource& resource : shader.resources)
+      if (resource.kind == ResourceKind::StorageBuffer) resource.readOnly = false;
   std::vector<uint32_t> inputNumber = compact(shader.inputs), outputNumber = compact(shader.outputs);
   for (ir::Inst& inst : f.insts) {
     if (inst.op != Op::ShaderInput && inst.op != Op::ShaderOutput) continue;

@@ -8,13 +8,20 @@ template <typename Visit>
 void Translator::visitScalars(uint32_t typeId, uint64_t offset, const MatrixLayout& layout, bool explicitLayout,
                               Visit&& visit) {
   const TypeInfo& t = type(typeId);
+  if (t.isEmpty) return;
+  if (t.scalars == 0) fail("type %u cannot be loaded or stored", typeId);
   switch (t.kind) {
     case TypeInfo::Bool:
     case TypeInfo::Int:
-    case TypeInfo::Float:
+    case TypeInfo::Float: visit(t.scalar, offset); break;
     case TypeInfo::Pointer:
-      if (t.scalars != 1) fail("pointers of this storage class cannot be kept in memory");
-      visit(t.scalar, offset);
+      if (t.scalars == 3) {
+        visit(Type::I64, offset);
+        visit(Type::I64, offset + 8);
+        visit(Type::I32, offset + 16);
+      } else {
+        visit(t.scalar, offset);
+      }
       break;
     case TypeInfo::Vector: {
       uint64_t stride = explicitLayout && layout.vectorStride ? layout.vectorStride : type(t.element).naturalSize;
@@ -43,12 +50,9 @@ void Translator::visitScalars(uint32_t typeId, uint64_t offset, const MatrixLayo
       break;
     }
     case TypeInfo::Struct: {
-      uint64_t natural = 0;
       for (uint32_t i = 0; i < t.members.size(); i++) {
         MatrixLayout member;
-        const TypeInfo& info = type(t.members[i]);
-        uint64_t memberOffset = (natural + info.naturalAlign - 1) / info.naturalAlign * info.naturalAlign;
-        natural = memberOffset + info.naturalSize;
+        uint64_t memberOffset = t.memberOffset[i];
         if (explicitLayout) {
           const Decoration* d = module.findMember(typeId, i, spv::Decoration::Offset);
           if (!d) fail("member %u of type %u has no Offset", i, typeId);
@@ -72,6 +76,9 @@ Translator::BufferAddress Translator::address(const Pointer& p) {
   if (p.home == Home::Physical) {
     at.base = p.base;
     at.size = b.i64(~uint64_t(0));
+  } else if (p.home == Home::Buffer && !p.variable) {
+    at.base = p.base;
+    at.size = p.size;
   } else if (p.home == Home::Buffer) {
     if (p.resourceArray) fail("an array of descriptors is used as if it were memory");
     uint32_t resource = resourceOf(*p.variable);
@@ -93,7 +100,7 @@ Value Translator::loadScalar(const Pointer& p, Type type, uint64_t offset, const
     case Home::Local: return b.emit(Op::LocalLoad, type, {p.variable->alloc, at.offset}, constant);
     case Home::Shared: return b.emit(Op::SharedLoad, type, {at.offset}, constant);
     case Home::Buffer:
-      if (p.variable->constant && !p.isVolatile) return b.loadConst(type, at.base, at.offset, at.size, constant);
+      if (p.variable && p.variable->constant && !p.isVolatile) return b.loadConst(type, at.base, at.offset, at.size, constant);
       return b.load(type, at.base, at.offset, at.size, constant);
     default: return b.load(type, at.base, at.offset, at.size, constant);
   }
@@ -209,8 +216,13 @@ void onStore(Translator& t, const Instruction& inst, uint32_t) {
 }
 
 void onCopyMemory(Translator& t, const Instruction& inst, uint32_t) {
-  Pointer to = withAccess(t.pointer(inst.operand(0)), inst.operand(2));
-  Pointer from = withAccess(t.pointer(inst.operand(1)), inst.operand(inst.count() > 3 ? 3 : 2));
+  // The second set of memory operands, if there is one, is the source's.
+  using A = spv::MemoryAccessMask;
+  uint32_t access = inst.operand(2);
+  size_t second = 3;
+  for (A operand : {A::Aligned, A::MakePointerAvailable, A::MakePointerVisible}) second += (access & uint32_t(operand)) != 0;
+  Pointer to = withAccess(t.pointer(inst.operand(0)), access);
+  Pointer from = withAccess(t.pointer(inst.operand(1)), inst.operand(inst.count() > second ? second : 2));
   t.store(to, t.load(from));
   t.markWritten(to);
 }
@@ -232,8 +244,44 @@ void onPtrAccessChain(Translator& t, const Instruction& inst, uint32_t) {
     if (!d) fail("OpPtrAccessChain: the pointer type has no ArrayStride");
     stride = d->literal();
   }
+  // The element may be a negative one. Offsets are unsigned and bounds are checked on the sum of both parts, so the
+  // constant part joins the other unless all of it is constant.
+  if (!t.constantOf(inst.operand(1)) && p.offset && p.home != Home::Physical) {
+    Value offset = t.b.i32(uint32_t(p.offset));
+    p.dynamic = p.dynamic ? t.b.iadd(p.dynamic, offset) : offset;
+    p.offset = 0;
+  }
   t.addScaled(p, inst.operand(1), stride);
   t.definePointer(inst, t.accessChain(p, inst.operands.subspan(2)));
+}
+
+// Null is all zeros; of two pointers into one buffer the sizes are the same.
+void onPointerEqual(Translator& t, const Instruction& inst, uint32_t inverted) {
+  const std::vector<Value>&x = t.data(inst.operand(0)), &y = t.data(inst.operand(1));
+  if (x.empty() || x.size() != y.size()) fail("%s of different kinds of pointers", opcodeName(inst.op).c_str());
+  Value equal = t.b.mask(true);
+  for (size_t i = 0; i < x.size(); i++)
+    if (t.b.type(x[i]) != t.b.type(y[i])) fail("%s of different kinds of pointers", opcodeName(inst.op).c_str());
+    else equal = t.b.maskAnd(equal, t.b.ieq(x[i], y[i]));
+  t.define(inst, {inverted ? t.b.maskNot(equal) : equal});
+}
+
+// In elements; both pointers are into one array.
+void onPointerDifference(Translator& t, const Instruction& inst, uint32_t) {
+  const std::vector<Value>&x = t.data(inst.operand(0)), &y = t.data(inst.operand(1));
+  const TypeInfo& pointerType = t.type(t.typeOf(inst.operand(0)));
+  if (x.empty() || x.size() != y.size() || pointerType.kind != TypeInfo::Pointer || t.b.type(x.back()) != t.b.type(y.back()))
+    fail("OpPtrDiff of different kinds of pointers");
+  uint64_t stride = t.type(pointerType.element).naturalSize;
+  if (pointerType.storage != spv::StorageClass::Workgroup) {
+    const Decoration* d = t.module.find(t.typeOf(inst.operand(0)), spv::Decoration::ArrayStride);
+    if (!d) fail("OpPtrDiff: the pointer type has no ArrayStride");
+    stride = d->literal();
+  }
+  if (stride == 0 || stride > INT32_MAX) fail("OpPtrDiff: an impossible stride");
+  Value bytes = t.b.isub(x.back(), y.back());
+  Value elements = t.b.sdiv(bytes, t.b.constant(t.b.type(bytes), stride));
+  t.define(inst, {t.resize(elements, t.type(inst.resultType).scalar, true)});
 }
 
 void onArrayLength(Translator& t, const Instruction& inst, uint32_t) {
@@ -269,7 +317,7 @@ Value atomic(Translator& t, const Pointer& p, Type type, ir::AtomicOp op, Value 
   auto at = t.address(p);
   switch (p.home) {
     case Home::Shared:
-      if (comparator) return b.emit(Op::SharedAtomicCas, type, {at.offset, value, comparator}, imm);
+      if (comparator) return b.emit(Op::SharedAtomicCas, type, {at.offset, value, comparator}, p.offset);
       return b.emit(Op::SharedAtomic, type, {at.offset, value}, imm);
     case Home::Buffer:
     case Home::Physical:
@@ -289,6 +337,12 @@ namespace {
 Value anyAtomic(Translator& t, const Pointer& p, Type type, ir::AtomicOp op, Value value, Value comparator = 0) {
   if (op != ir::AtomicOp::Load) t.markWritten(p);
   if (p.texelImage) return imageAtomic(t, p, type, op, value, comparator);
+  // Bits only: no arithmetic may touch them.
+  bool moves = op == ir::AtomicOp::Load || op == ir::AtomicOp::Store || op == ir::AtomicOp::Exchange;
+  if (moves && ir::isFloat(type) && !comparator) {
+    Type bits = ir::intOf(type);
+    return t.b.bitcast(type, atomic(t, p, bits, op, t.b.bitcast(bits, value), 0));
+  }
   return atomic(t, p, type, op, value, comparator);
 }
 
@@ -308,13 +362,37 @@ void onAtomic(Translator& t, const Instruction& inst, uint32_t aux) {
   t.define(inst, {anyAtomic(t, p, type, ir::AtomicOp(aux), value)});
 }
 
+// By compare and exchange until nobody was in between: lane IR has no such atomic operation.
+void onAtomicFloatMinMax(Translator& t, const Instruction& inst, uint32_t op) {
+  Pointer p = t.pointer(inst.operand(0));
+  Type type = t.type(inst.resultType).scalar, bits = ir::intOf(type);
+  if (!ir::isFloat(type) || ir::typeBytes(type) < 4) fail("%s of this type is not supported", opcodeName(inst.op).c_str());
+  if (p.texelImage) fail("%s of images is not supported", opcodeName(inst.op).c_str());
+  ir::Builder& b = t.b;
+  Value value = t.scalar(inst.operand(3)), seen = b.var(bits);
+  if (b.type(value) != type) fail("an atomic operation with a value of the wrong type");
+  b.set(seen, anyAtomic(t, p, bits, ir::AtomicOp::Load, b.zero(bits)));
+  b.beginLoop();
+  Value expected = b.get(seen);
+  Value wanted = b.bitcast(bits, b.binary(Op(op), b.bitcast(type, expected), value));
+  Value old = anyAtomic(t, p, bits, ir::AtomicOp::Exchange, wanted, expected);
+  b.set(seen, old);
+  b.beginIf(b.ieq(old, expected));
+  b.breakOut();
+  b.endIf();
+  b.endLoop();
+  t.define(inst, {b.bitcast(type, b.get(seen))});
+}
+
 void onAtomicStore(Translator& t, const Instruction& inst, uint32_t) {
   Value value = t.scalar(inst.operand(3));
+  if (ir::typeBytes(t.b.type(value)) < 4) fail("OpAtomicStore of fewer than 32 bits is not supported");
   anyAtomic(t, t.pointer(inst.operand(0)), t.b.type(value), ir::AtomicOp::Store, value);
 }
 
 void onAtomicCompareExchange(Translator& t, const Instruction& inst, uint32_t) {
   Type type = t.type(inst.resultType).scalar;
+  if (!ir::isInt(type) || ir::typeBytes(type) < 4) fail("OpAtomicCompareExchange of this type is not supported");
   Value value = t.scalar(inst.operand(4)), comparator = t.scalar(inst.operand(5));
   t.define(inst, {anyAtomic(t, t.pointer(inst.operand(0)), type, ir::AtomicOp::Exchange, value, comparator)});
 }
@@ -328,7 +406,9 @@ constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpAccessChain, onAccessChain},
     {spv::Op::OpInBoundsAccessChain, onAccessChain},
     {spv::Op::OpPtrAccessChain, onPtrAccessChain},
-    {spv::Op::OpInBoundsPtrAccessChain, onPtrAccessChain},
+    {spv::Op::OpPtrEqual, onPointerEqual, 0},
+    {spv::Op::OpPtrNotEqual, onPointerEqual, 1},
+    {spv::Op::OpPtrDiff, onPointerDifference},
     {spv::Op::OpArrayLength, onArrayLength},
     {spv::Op::OpConvertPtrToU, onConvertPointer},
     {spv::Op::OpConvertUToPtr, onConvertPointer},
@@ -348,6 +428,8 @@ constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpAtomicOr, onAtomic, aux(ir::AtomicOp::Or)},
     {spv::Op::OpAtomicXor, onAtomic, aux(ir::AtomicOp::Xor)},
     {spv::Op::OpAtomicFAddEXT, onAtomic, aux(ir::AtomicOp::FAdd)},
+    {spv::Op::OpAtomicFMinEXT, onAtomicFloatMinMax, uint32_t(Op::FMin)},
+    {spv::Op::OpAtomicFMaxEXT, onAtomicFloatMinMax, uint32_t(Op::FMax)},
 };
 
 }  // namespace

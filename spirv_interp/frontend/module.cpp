@@ -18,16 +18,6 @@ constexpr OpcodeInfo kOpcodes[] = {
 #undef PUMICE_SPIRV_OP
 };
 
-struct CapabilityName {
-  uint32_t number;
-  const char* name;
-};
-constexpr CapabilityName kCapabilities[] = {
-#define PUMICE_SPIRV_CAPABILITY(number, name) {number, #name},
-#include "spirv_interp/frontend/grammar.inc"
-#undef PUMICE_SPIRV_CAPABILITY
-};
-
 constexpr uint32_t kHeaderWords = 5;
 // The universal limit of the specification (section 2.17).
 constexpr uint32_t kMaxBound = 0x3fffff;
@@ -63,12 +53,6 @@ std::span<const OpcodeInfo> allOpcodes() { return kOpcodes; }
 std::string opcodeName(spv::Op op) {
   const OpcodeInfo* info = opcodeInfo(uint32_t(op));
   return info ? info->name : "opcode " + std::to_string(uint32_t(op));
-}
-
-std::string capabilityName(uint32_t capability) {
-  for (const CapabilityName& entry : kCapabilities)
-    if (entry.number == capability) return entry.name;
-  return "capability " + std::to_string(capability);
 }
 
 std::string literalString(std::span<const uint32_t> words, size_t* wordCount) {

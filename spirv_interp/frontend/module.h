@@ -64,7 +64,6 @@ struct OpcodeInfo {
 //! Null for numbers that the grammar does not know.
 const OpcodeInfo* opcodeInfo(uint32_t opcode);
 std::string opcodeName(spv::Op op);
-std::string capabilityName(uint32_t capability);
 //! Every opcode of the grammar.
 std::span<const OpcodeInfo> allOpcodes();
 

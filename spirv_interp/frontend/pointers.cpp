@@ -86,6 +86,10 @@ void Translator::addScaled(Pointer& p, uint32_t indexId, uint64_t stride) {
       p.offset += uint64_t(number) * stride;
       return;
     }
+    if (number < 0 && number >= INT32_MIN && stride <= UINT32_MAX && uint64_t(-number) * stride <= p.offset) {
+      p.offset -= uint64_t(-number) * stride;
+      return;
+    }
   }
   if (p.home == Home::Physical) {
     Value wide = resize(index, Type::I64, indexType.isSigned);
@@ -186,35 +190,76 @@ Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
   return p;
 }
 
+// Pointers as values, so that they can be selected, kept in variables and returned. A buffer device address is one i64.
+// With variable pointers (SPV_KHR_variable_pointers) a pointer to work-group memory is the i32 offset, a pointer to a
+// storage buffer the descriptor's base and size and an i32 offset: its buffer may then differ from lane to lane, and
+// accesses stay bounded. They are made where the pointer is made, since that dominates all uses.
+std::vector<Value> Translator::pointerScalars(const Pointer& p) {
+  if (p.texelImage) return {};
+  if (p.home == Home::Physical) return {p.offset ? b.iadd(p.base, b.i64(p.offset)) : p.base};
+  bool shared = p.home == Home::Shared;
+  bool buffer = p.home == Home::Buffer && !p.resourceArray &&
+                (!p.variable || p.variable->storage == spv::StorageClass::StorageBuffer);
+  if (!variablePointers || (!shared && !buffer)) return {};
+  Value offset = b.i32(uint32_t(p.offset));
+  if (p.dynamic) offset = p.offset ? b.iadd(p.dynamic, offset) : p.dynamic;
+  if (shared) return {offset};
+  BufferAddress at = address(p);
+  return {at.base, at.size, offset};
+}
+
 const Pointer& Translator::pointer(uint32_t id) {
   const Val& v = val(id);
-  if (v.kind == Val::Ptr) return v.pointer;
+  if (v.kind == Val::Ptr) return *v.pointer;
   const TypeInfo& t = type(v.type);
-  if (v.kind != Val::Data || t.kind != TypeInfo::Pointer || v.scalars.size() != 1) fail("id %u is not a pointer", id);
-  // A buffer device address that came as a number.
+  if (v.kind != Val::Data || t.kind != TypeInfo::Pointer || v.scalars.empty() || v.scalars.size() != t.scalars)
+    fail("id %u is not a pointer", id);
+  // A pointer that came as a value.
   Pointer p;
-  p.home = Home::Physical;
   p.type = t.element;
-  p.base = v.scalars[0];
+  if (v.pointer) p.layout = v.pointer->layout;
+  if (t.storage == spv::StorageClass::Workgroup) {
+    p.home = Home::Shared;
+    p.dynamic = v.scalars[0];
+  } else if (t.storage == spv::StorageClass::StorageBuffer) {
+    p.home = Home::Buffer;
+    p.base = v.scalars[0];
+    p.size = v.scalars[1];
+    p.dynamic = v.scalars[2];
+  } else {
+    p.home = Home::Physical;
+    p.base = v.scalars[0];
+  }
   Val copy = v;
   copy.kind = Val::Ptr;
-  copy.pointer = p;
+  copy.pointer = std::make_shared<Pointer>(p);
   setVal(id, std::move(copy));
-  return val(id).pointer;
+  return *val(id).pointer;
 }
 
 void Translator::definePointer(const Instruction& inst, Pointer p) {
   Val v;
   v.kind = Val::Ptr;
   v.type = inst.resultType;
-  if (p.home == Home::Physical) v.scalars = {p.offset ? b.iadd(p.base, b.i64(p.offset)) : p.base};
   if (module.find(inst.result, spv::Decoration::NonUniform)) p.nonUniform = true;
-  v.pointer = std::move(p);
+  v.scalars = pointerScalars(p);
+  v.pointer = std::make_shared<Pointer>(std::move(p));
   setVal(inst.result, std::move(v));
 }
 
+void Translator::inheritLayout(uint32_t pointerId, uint32_t fromId) {
+  if (fromId >= slots_.size() || !slots_[fromId]) return;  // around a loop: not known yet
+  Val to = val(pointerId);
+  if (to.kind != Val::Data || !val(fromId).pointer) return;
+  to.pointer = val(fromId).pointer;
+  setVal(pointerId, std::move(to));
+}
+
 void Translator::markWritten(const Pointer& p) {
-  if (!p.variable) return;
+  if (!p.variable) {
+    storesThroughVariablePointers |= p.home == Home::Buffer;
+    return;
+  }
   if (p.variable->storage == spv::StorageClass::Output) {
     auto& written = p.variable->written;
     uint64_t first = p.home == Home::Registers ? p.offset : 0;

@@ -54,6 +54,7 @@ struct Resource {
   uint64_t usedConstantElements = 0;  //!< bit per array element used with a constant index (<64)
 };
 
+//! Work-group memory must be zero when a group starts: variables may have a zero initializer.
 struct Shader {
   Stage stage = Stage::Vertex;
   ir::Function function;           //!< optimised shader IR

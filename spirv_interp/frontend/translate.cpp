@@ -5,6 +5,7 @@
 #include <iterator>
 #include <new>
 
+#include "spirv_interp/frontend/support.h"
 #include "spirv_interp/ir/passes.h"
 
 namespace pumice::frontend {
@@ -20,33 +21,6 @@ void fail(const char* format, ...) {
 
 namespace {
 
-using C = spv::Capability;
-constexpr C kCapabilities[] = {
-    C::Matrix, C::Shader, C::Float16, C::Float64, C::Int64, C::Int16, C::Int8, C::Int64Atomics,
-    // For reading built-ins in other stages; the stages themselves are refused by name.
-    C::Geometry, C::Tessellation,
-    C::ImageGatherExtended, C::StorageImageMultisample, C::UniformBufferArrayDynamicIndexing,
-    C::SampledImageArrayDynamicIndexing, C::StorageBufferArrayDynamicIndexing, C::StorageImageArrayDynamicIndexing,
-    C::ClipDistance, C::CullDistance, C::ImageCubeArray, C::SampleRateShading, C::SampledRect, C::InputAttachment,
-    C::MinLod, C::Sampled1D, C::Image1D, C::SampledCubeArray, C::SampledBuffer, C::ImageBuffer, C::ImageMSArray,
-    C::StorageImageExtendedFormats, C::ImageQuery, C::DerivativeControl, C::InterpolationFunction,
-    C::StorageImageReadWithoutFormat, C::StorageImageWriteWithoutFormat, C::MultiViewport, C::DrawParameters,
-    C::StorageBuffer16BitAccess, C::UniformAndStorageBuffer16BitAccess, C::StoragePushConstant16,
-    C::StorageInputOutput16, C::DeviceGroup, C::MultiView, C::StorageBuffer8BitAccess,
-    C::UniformAndStorageBuffer8BitAccess, C::StoragePushConstant8, C::StencilExportEXT, C::ShaderViewportIndexLayerEXT,
-    C::ShaderViewportIndex, C::ShaderLayer, C::ShaderNonUniform, C::RuntimeDescriptorArray,
-    C::InputAttachmentArrayDynamicIndexing, C::UniformTexelBufferArrayDynamicIndexing,
-    C::StorageTexelBufferArrayDynamicIndexing, C::UniformBufferArrayNonUniformIndexing,
-    C::SampledImageArrayNonUniformIndexing, C::StorageBufferArrayNonUniformIndexing,
-    C::StorageImageArrayNonUniformIndexing, C::InputAttachmentArrayNonUniformIndexing,
-    C::UniformTexelBufferArrayNonUniformIndexing, C::StorageTexelBufferArrayNonUniformIndexing,
-    C::VulkanMemoryModel, C::VulkanMemoryModelDeviceScope, C::PhysicalStorageBufferAddresses,
-    C::DemoteToHelperInvocation, C::ExpectAssumeKHR, C::AtomicFloat32AddEXT, C::DotProduct, C::DotProductInputAll,
-    C::DotProductInput4x8Bit, C::DotProductInput4x8BitPacked,
-    // What lane IR does anyway.
-    C::DenormPreserve, C::SignedZeroInfNanPreserve, C::RoundingModeRTE,
-};
-
 std::optional<Stage> stageOf(spv::ExecutionModel model) {
   switch (model) {
     case spv::ExecutionModel::Vertex: return Stage::Vertex;
@@ -61,7 +35,8 @@ std::optional<Stage> stageOf(spv::ExecutionModel model) {
 
 std::unordered_map<uint32_t, HandlerEntry> joinHandlers() {
   std::unordered_map<uint32_t, HandlerEntry> all;
-  for (auto table : {arithmeticHandlers(), compositeHandlers(), memoryHandlers(), imageHandlers(), controlHandlers()})
+  for (auto table : {arithmeticHandlers(), compositeHandlers(), memoryHandlers(), imageHandlers(), controlHandlers(),
+                     subgroupHandlers()})
     for (const HandlerEntry& entry : table) all.emplace(uint32_t(entry.op), entry);
   return all;
 }
@@ -135,7 +110,7 @@ Value Translator::scalar(uint32_t id) const {
 const Opaque& Translator::opaque(uint32_t id) const {
   const Val& v = val(id);
   if (v.kind != Val::Opq) fail("id %u is not an image or sampler", id);
-  return v.opaque;
+  return *v.opaque;
 }
 
 void Translator::define(const Instruction& inst, std::vector<Value> scalars) {
@@ -153,7 +128,7 @@ void Translator::defineOpaque(const Instruction& inst, Opaque opaque) {
   Val v;
   v.kind = Val::Opq;
   v.type = inst.resultType;
-  v.opaque = opaque;
+  v.opaque = std::make_shared<Opaque>(opaque);
   setVal(inst.result, std::move(v));
 }
 
@@ -180,16 +155,21 @@ uint64_t Translator::requireConstant(uint32_t id, const char* what) const {
 
 void Translator::translateInstruction(const Instruction& inst) {
   const HandlerEntry* entry = findHandler(inst.op);
-  if (!entry) fail("%s is not supported", opcodeName(inst.op).c_str());
+  if (!entry) {
+    const char* why = whyNotOpcode(inst.op);
+    fail("%s %s", opcodeName(inst.op).c_str(), why ? why : "is not supported");
+  }
   entry->handler(*this, inst, entry->aux);
 }
 
 // --- the whole
 
 void Translator::checkCapabilities() {
-  for (uint32_t capability : module.capabilities)
-    if (std::find(std::begin(kCapabilities), std::end(kCapabilities), C(capability)) == std::end(kCapabilities))
-      fail("the capability %s is not supported", capabilityName(capability).c_str());
+  for (uint32_t capability : module.capabilities) {
+    if (supportsCapability(capability)) continue;
+    const char* why = whyNotCapability(capability);
+    fail("the capability %s %s", capabilityName(capability).c_str(), why ? why : "is not supported");
+  }
 }
 
 // Whether any function that the entry point reaches may write memory that others see.
@@ -220,7 +200,8 @@ void Translator::findMemoryWrites(const EntryPoint& entry) {
         if (inst.op == spv::Op::OpFunctionCall) work.push_back(inst.operand(0));
         bool atomic = inst.op >= spv::Op::OpAtomicLoad && inst.op <= spv::Op::OpAtomicXor;
         if (atomic || inst.op == spv::Op::OpStore || inst.op == spv::Op::OpCopyMemory ||
-            inst.op == spv::Op::OpAtomicFAddEXT)
+            inst.op == spv::Op::OpAtomicFAddEXT || inst.op == spv::Op::OpAtomicFMinEXT ||
+            inst.op == spv::Op::OpAtomicFMaxEXT)
           anyMemoryWrites |= isShared(inst.operand(0));
         if (inst.op == spv::Op::OpImageWrite) anyMemoryWrites = true;
       }
@@ -231,6 +212,8 @@ void Translator::findMemoryWrites(const EntryPoint& entry) {
 void Translator::applyExecutionModes(const EntryPoint& entry) {
   for (const Instruction* inst : module.executionModes) {
     if (inst->operand(0) != entry.function) continue;
+    if (const char* why = whyNotExecutionMode(inst->operand(1), inst->operand(2)))
+      fail("the execution mode %s %s", executionModeName(inst->operand(1)).c_str(), why);
     switch (spv::ExecutionMode(inst->operand(1))) {
       case spv::ExecutionMode::LocalSize:
         for (unsigned i = 0; i < 3; i++) shader.localSize[i] = inst->operand(2 + i);
@@ -265,6 +248,10 @@ void Translator::run(Stage wanted, std::string_view name) {
   if (wanted != Stage::Vertex && wanted != Stage::Fragment && wanted != Stage::Compute)
     fail("geometry and tessellation shaders are not supported");
   checkCapabilities();
+  auto has = [&](spv::Capability c) {
+    return std::find(module.capabilities.begin(), module.capabilities.end(), uint32_t(c)) != module.capabilities.end();
+  };
+  variablePointers = has(spv::Capability::VariablePointers) || has(spv::Capability::VariablePointersStorageBuffer);
   shader.function.name = entry->name;
   shader.sources = module.sources;
   findMemoryWrites(*entry);
@@ -278,7 +265,13 @@ void Translator::run(Stage wanted, std::string_view name) {
     } else if (isConstantOp(inst.op)) {
       if (inst.op == spv::Op::OpUndef && type(inst.resultType).scalars == 0) continue;
       translateConstant(inst);
-    } else if (inst.op == spv::Op::OpVariable) {
+    }
+  }
+  // Built-ins depend on the size of the work group.
+  applyExecutionModes(*entry);
+  for (uint32_t i = 0; i < module.globalsEnd; i++) {
+    const Instruction& inst = module.instructions[i];
+    if (inst.op == spv::Op::OpVariable) {
       auto storage = spv::StorageClass(inst.operand(0));
       bool io = storage == spv::StorageClass::Input || storage == spv::StorageClass::Output;
       // Other entry points' variables are none of our business.
@@ -286,7 +279,6 @@ void Translator::run(Stage wanted, std::string_view name) {
       declareVariable(inst);
     }
   }
-  applyExecutionModes(*entry);
 
   auto main = module.functionOfId.find(entry->function);
   if (main == module.functionOfId.end()) fail("the entry point's function does not exist");

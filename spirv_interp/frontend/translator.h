@@ -5,15 +5,17 @@
 //   pointers.cpp     variables and access chains
 //   memory.cpp       loads, stores, copies, atomics
 //   arithmetic.cpp, composites.cpp, glsl450.cpp, image.cpp
+//   subgroup.cpp     subgroups and quads
 //   control_flow.cpp structured control flow to markers, function calls
 //   tidy.cpp         last repairs: scopes, unused blocks
-//   translate.cpp    the whole
+//   translate.cpp    the whole; what is taken and what refused is listed in support.cpp
 //
 // Errors within the room are thrown as TranslateError and caught in translate(); none leaves it.
 #pragma once
 
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <set>
 #include <span>
@@ -41,6 +43,8 @@ struct TranslateError {
 constexpr uint32_t kMaxInstructions = 2'000'000;  // of lane IR, after inlining
 constexpr uint32_t kMaxValueScalars = 1u << 16;   // scalars of one value or register variable
 constexpr uint32_t kMaxTypeDepth = 64;
+constexpr uint32_t kMaxTypes = 1u << 18;
+constexpr uint32_t kMaxMembers = 1u << 22;        // of all structures together
 constexpr uint32_t kMaxNesting = 256;             // constructs and calls
 constexpr uint32_t kMaxLocalBytes = 1u << 20;     // private memory per lane
 constexpr uint32_t kMaxSharedBytes = 1u << 20;    // the device's limit is checked by the pipeline
@@ -56,6 +60,9 @@ struct TypeInfo {
   uint32_t element = 0;              //!< Vector, Matrix (column), arrays, Pointer, SampledImage (the image)
   uint32_t count = 0;                //!< Vector, Matrix, Array
   std::vector<uint32_t> members;     //!< Struct
+  std::vector<uint32_t> memberScalar;   //!< Struct: first flat scalar of each member (saturated)
+  std::vector<uint64_t> memberOffset;   //!< Struct: in our own layout
+  bool isEmpty = false;              //!< a structure without members, or of nothing but such
   spv::StorageClass storage{};       //!< Pointer
   uint32_t scalars = 0;              //!< flat number of scalars (saturated), 0 for opaque and run-time sized types
   uint32_t depth = 0;
@@ -98,13 +105,14 @@ struct Variable {
 };
 
 struct Pointer {
-  Variable* variable = nullptr;      //!< null for Home::Physical
+  Variable* variable = nullptr;      //!< null for Home::Physical and for variable pointers
   Home home = Home::Registers;
   uint32_t type = 0;                 //!< pointee
   uint64_t offset = 0;               //!< constant part: bytes, or scalars for Registers and Values
   Value dynamic = 0;                 //!< bytes, i32
   Value element = 0;                 //!< array element of the resource, 0 = element 0
-  Value base = 0;                    //!< Physical: i64 address
+  Value base = 0;                    //!< Physical and variable pointers to buffers: i64 address
+  Value size = 0;                    //!< variable pointers to buffers: i64, bytes behind `base`
   MatrixLayout layout;
   bool isVolatile = false;
   bool nonUniform = false;
@@ -127,9 +135,11 @@ struct Val {
   enum Kind : uint8_t { None, Data, Ptr, Opq };
   Kind kind = None;
   uint32_t type = 0;
-  std::vector<Value> scalars;  //!< Data
-  frontend::Pointer pointer;   //!< Ptr
-  frontend::Opaque opaque;     //!< Opq
+  //! Data; also of pointers that may vary from lane to lane: their number form (pointers.cpp).
+  std::vector<Value> scalars;
+  // Shared, for there may be millions of ids and few are pointers.
+  std::shared_ptr<const frontend::Pointer> pointer;  //!< Ptr; of Data that is a pointer, its layout only, or null
+  std::shared_ptr<const frontend::Opaque> opaque;    //!< Opq
 };
 
 class Translator;
@@ -146,12 +156,14 @@ std::span<const HandlerEntry> compositeHandlers();
 std::span<const HandlerEntry> memoryHandlers();
 std::span<const HandlerEntry> imageHandlers();
 std::span<const HandlerEntry> controlHandlers();
+std::span<const HandlerEntry> subgroupHandlers();
 //! Null if the opcode is not translated by a handler.
 const HandlerEntry* findHandler(spv::Op op);
 //! Opcodes of modules, types, constants and control flow, which are translated elsewhere than by handlers.
 bool handledElsewhere(spv::Op op);
 
 void translateGlsl450(Translator& t, const Instruction& inst);
+bool handlesGlsl450(uint32_t number);
 
 class Translator {
  public:
@@ -185,6 +197,10 @@ class Translator {
   uint32_t typeOf(uint32_t id) const { return val(id).type; }
   void define(const Instruction& inst, std::vector<Value> scalars);
   void definePointer(const Instruction& inst, Pointer pointer);
+  //! The scalars of a pointer as a value: none if it cannot be one.
+  std::vector<Value> pointerScalars(const Pointer& p);
+  //! The layout that the pointee of a pointer has beyond its type (MatrixStride), for pointers made from it.
+  void inheritLayout(uint32_t pointerId, uint32_t fromId);
   void defineOpaque(const Instruction& inst, Opaque opaque);
   void setVal(uint32_t id, Val v);
   std::vector<Value> zeros(uint32_t typeId);
@@ -219,6 +235,11 @@ class Translator {
   BufferAddress address(const Pointer& p);
   bool isDynamic(uint32_t pointerId) const { return dynamicPointers_.count(pointerId) != 0; }
 
+  // --- subgroups (subgroup.cpp)
+  Value subgroupLane();  //!< number of the lane within its subgroup
+  Value laneMask(spv::BuiltIn builtIn);
+  Value subgroupBuiltIn(spv::BuiltIn builtIn, uint32_t component);  //!< 0 if it is none of subgroups
+
   // --- control flow (control_flow.cpp)
   void translateFunctionCall(const Instruction& inst);
   void translateBody(const FunctionBody& function);
@@ -233,6 +254,8 @@ class Translator {
   std::unordered_map<uint32_t, Variable*> variableOfId;
   std::deque<Variable> variables;
   bool anyMemoryWrites = false;
+  bool variablePointers = false;     //!< the module may select among pointers to buffers and work-group memory
+  bool storesThroughVariablePointers = false;
   Stage stage = Stage::Vertex;
 
  private:
@@ -302,6 +325,7 @@ class Translator {
   std::unordered_map<uint32_t, std::span<const std::byte>> specialization_;
   uint64_t localBytes_ = 0;
   uint64_t constantScalars_ = 0;
+  uint64_t memberCount_ = 0;
   uint32_t workgroupSizeConstant_ = 0;
 };
 

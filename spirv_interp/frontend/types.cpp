@@ -52,6 +52,7 @@ void Translator::translateType(const Instruction& inst) {
     t.depth = element.depth + 1;
     t.scalar = element.scalar;
     t.isSigned = element.isSigned;
+    t.isEmpty = element.isEmpty;
     return element;
   };
   auto setScalar = [&](Type scalar) {
@@ -66,6 +67,19 @@ void Translator::translateType(const Instruction& inst) {
     t.naturalAlign = element.naturalAlign;
     t.naturalSize = element.naturalSize > kHuge / std::max<uint64_t>(count, 1) ? kHuge : element.naturalSize * count;
   };
+  // A buffer device address is a number like any other; other pointers are values if they may be variable.
+  auto setPointer = [&] {
+    if (t.storage == spv::StorageClass::PhysicalStorageBuffer) {
+      setScalar(Type::I64);
+    } else if (variablePointers && t.storage == spv::StorageClass::Workgroup) {
+      setScalar(Type::I32);
+    } else if (variablePointers && t.storage == spv::StorageClass::StorageBuffer) {
+      t.scalars = 3;  // base i64, size i64, offset i32
+      t.naturalAlign = 8;
+      t.naturalSize = 24;
+    }
+  };
+  if (types_.size() >= kMaxTypes) fail("there are too many types");
   switch (inst.op) {
     case spv::Op::OpTypeVoid: t.kind = TypeInfo::Void; break;
     case spv::Op::OpTypeBool:
@@ -107,13 +121,19 @@ void Translator::translateType(const Instruction& inst) {
     case spv::Op::OpTypeStruct: {
       t.kind = TypeInfo::Struct;
       t.members.assign(inst.operands.begin(), inst.operands.end());
+      memberCount_ += t.members.size();
+      if (memberCount_ > kMaxMembers) fail("the structures have too many members");
+      t.isEmpty = true;
       uint64_t scalars = 0;
       for (uint32_t member : t.members) {
         const TypeInfo& info = type(member);
         t.depth = std::max(t.depth, info.depth + 1);
         t.naturalAlign = std::max(t.naturalAlign, info.naturalAlign);
-        t.naturalSize = std::min(alignUp(t.naturalSize, info.naturalAlign) + info.naturalSize, kHuge);
+        t.memberScalar.push_back(saturatedScalars(scalars));
+        t.memberOffset.push_back(alignUp(t.naturalSize, info.naturalAlign));
+        t.naturalSize = std::min(t.memberOffset.back() + info.naturalSize, kHuge);
         scalars += info.scalars;
+        t.isEmpty &= info.isEmpty;
       }
       t.naturalSize = alignUp(t.naturalSize, t.naturalAlign);
       t.scalars = saturatedScalars(scalars);
@@ -123,14 +143,13 @@ void Translator::translateType(const Instruction& inst) {
       t.kind = TypeInfo::Pointer;
       t.storage = spv::StorageClass(inst.operand(0));
       t.element = inst.operand(1);  // may be declared later (OpTypeForwardPointer)
-      // A buffer device address is a number like any other.
-      if (t.storage == spv::StorageClass::PhysicalStorageBuffer) setScalar(Type::I64);
+      setPointer();
       break;
     case spv::Op::OpTypeForwardPointer:
       if (types_.count(inst.operand(0))) return;
       t.kind = TypeInfo::Pointer;
       t.storage = spv::StorageClass(inst.operand(1));
-      if (t.storage == spv::StorageClass::PhysicalStorageBuffer) setScalar(Type::I64);
+      setPointer();
       types_[inst.operand(0)] = t;
       return;
     case spv::Op::OpTypeImage:
@@ -163,7 +182,14 @@ void Translator::flatten(uint32_t typeId, std::vector<Type>& out) const {
       for (uint32_t i = 0; i < t.count; i++) flatten(t.element, out);
       break;
     case TypeInfo::Struct:
-      for (uint32_t member : t.members) flatten(member, out);
+      for (uint32_t member : t.members)
+        if (!type(member).isEmpty) flatten(member, out);
+      break;
+    case TypeInfo::Pointer:
+      if (t.scalars == 3)
+        out.insert(out.end(), {Type::I64, Type::I64, Type::I32});
+      else
+        out.push_back(t.scalar);
       break;
     default:
       out.push_back(t.scalar);
@@ -190,19 +216,12 @@ uint32_t Translator::elementType(const TypeInfo& aggregate, uint32_t index) cons
 
 uint32_t Translator::flatOffset(const TypeInfo& aggregate, uint32_t index) const {
   if (aggregate.kind != TypeInfo::Struct) return type(aggregate.element).scalars * index;
-  uint32_t offset = 0;
-  for (uint32_t i = 0; i < index && i < aggregate.members.size(); i++) offset += type(aggregate.members[i]).scalars;
-  return offset;
+  return index < aggregate.memberScalar.size() ? aggregate.memberScalar[index] : aggregate.scalars;
 }
 
 uint64_t Translator::naturalOffset(const TypeInfo& structType, uint32_t member) const {
-  uint64_t offset = 0;
-  for (uint32_t i = 0; i <= member && i < structType.members.size(); i++) {
-    const TypeInfo& info = type(structType.members[i]);
-    offset = alignUp(offset, info.naturalAlign);
-    if (i < member) offset += info.naturalSize;
-  }
-  return offset;
+  if (member >= structType.memberOffset.size()) fail("struct member %u does not exist", member);
+  return structType.memberOffset[member];
 }
 
 }  // namespace pumice::frontend

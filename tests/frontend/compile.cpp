@@ -78,6 +78,19 @@ std::vector<uint32_t> compileGlsl(GlslStage stage, const std::string& source, st
   return words;
 }
 
+std::vector<uint32_t> assemble(const std::string& text, std::string* log, const char* version) {
+  spv_target_env environment = SPV_ENV_UNIVERSAL_1_3;
+  if (std::string(version) == "1.0") environment = SPV_ENV_UNIVERSAL_1_0;
+  if (std::string(version) == "1.6") environment = SPV_ENV_UNIVERSAL_1_6;
+  spvtools::SpirvTools tools(environment);
+  tools.SetMessageConsumer([&](spv_message_level_t, const char*, const spv_position_t& at, const char* message) {
+    if (log) *log += std::to_string(at.line + 1) + ": " + message + "\n";
+  });
+  std::vector<uint32_t> words;
+  if (!tools.Assemble(text, &words, SPV_TEXT_TO_BINARY_OPTION_PRESERVE_NUMERIC_IDS)) words.clear();
+  return words;
+}
+
 std::vector<uint32_t> optimised(const std::vector<uint32_t>& words) {
   spvtools::Optimizer optimizer(SPV_ENV_VULKAN_1_3);
   optimizer.RegisterPerformancePasses();
