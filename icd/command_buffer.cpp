@@ -35,7 +35,12 @@ void CommandBuffer::execute(Execution& e) const {
 // Many draws between two changes of state share one copy.
 const pipeline::DrawState* CommandBuffer::captureDraw() {
   if (captured) return captured;
-  if (family) draw.pipeline = family->member(extended);
+  if (family) try {
+      draw.pipeline = family->member(extended);
+    } catch (const std::bad_alloc&) {
+      outOfMemory = true;
+      return nullptr;
+    }
   if (!draw.pipeline) return nullptr;
   const pipeline::GraphicsState& s = pipeline::graphicsState(*draw.pipeline);
   auto is = [&](VkDynamicState state) { return s.dynamic >> state & 1; };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <new>
+#include <span>
 #include <unordered_set>
 #include <vector>
 
@@ -25,8 +26,8 @@ struct Execution {
   // The render pass that is open
   const RenderPass* renderPass = nullptr;
   const Framebuffer* framebuffer = nullptr;
-  const std::vector<ImageView*>* views = nullptr;
-  const std::vector<VkClearValue>* clears = nullptr;
+  std::span<ImageView* const> views;
+  std::span<const VkClearValue> clears;
   VkRect2D area{};
   uint32_t subpass = 0;
   bool insidePass = false;
@@ -35,7 +36,7 @@ struct Execution {
   std::vector<Query*> finishing;              //!< ended in the pass that is open
 
   void beginPass(const pipeline::PassBegin& begin);
-  void beginSubpass() { beginPass(subpassBegin(*renderPass, subpass, *framebuffer, *views, area, *clears)); }
+  void beginSubpass() { beginPass(subpassBegin(*renderPass, subpass, *framebuffer, views, area, clears)); }
   void endPass();
 };
 

@@ -30,15 +30,16 @@ namespace {
 
 void begin(CommandBuffer& cb, const VkRenderPassBeginInfo& info) {
   const Framebuffer* framebuffer = from(info.framebuffer);
-  std::vector<ImageView*> views = framebuffer->views;
-  if (auto* imageless = findInChain<VkRenderPassAttachmentBeginInfo>(info.pNext, VK_STRUCTURE_TYPE_RENDER_PASS_ATTACHMENT_BEGIN_INFO))
-    for (uint32_t i = 0; i < imageless->attachmentCount; i++) views.push_back(from(imageless->pAttachments[i]));
-  std::vector<VkClearValue> clears(info.pClearValues, info.pClearValues + info.clearValueCount);
-  cb.record([pass = from(info.renderPass), framebuffer, area = info.renderArea, views = std::move(views), clears = std::move(clears)](Execution& e) {
+  auto* imageless = findInChain<VkRenderPassAttachmentBeginInfo>(info.pNext, VK_STRUCTURE_TYPE_RENDER_PASS_ATTACHMENT_BEGIN_INFO);
+  // The chain's handles are the objects' addresses; the structure may be there, empty, for an ordinary framebuffer.
+  std::span<ImageView* const> views = imageless && imageless->attachmentCount ? cb.keep(reinterpret_cast<ImageView* const*>(imageless->pAttachments), imageless->attachmentCount)
+                                                                              : cb.keep(framebuffer->views.data(), uint32_t(framebuffer->views.size()));
+  std::span<const VkClearValue> clears = cb.keep(info.pClearValues, info.clearValueCount);
+  cb.record([pass = from(info.renderPass), framebuffer, area = info.renderArea, views, clears](Execution& e) {
     e.renderPass = pass;
     e.framebuffer = framebuffer;
-    e.views = &views;
-    e.clears = &clears;
+    e.views = views;
+    e.clears = clears;
     e.area = area;
     e.subpass = 0;
     e.beginSubpass();

@@ -11,13 +11,18 @@ namespace {
 
 // The second forms' regions are the first forms' behind sType and pNext.
 template <typename Region, typename Region2>
-std::vector<Region> firstForm(const Region2* regions, uint32_t count) {
-  std::vector<Region> out(count);
+std::span<const Region> firstForm(VkCommandBuffer buffer, const Region2* regions, uint32_t count) {
+  CommandBuffer& cb = *from(buffer);
+  Region* out = cb.arena.alloc<Region>(count);
+  if (!out) {
+    cb.outOfMemory = true;
+    return {};
+  }
   for (uint32_t i = 0; i < count; i++) {
     constexpr size_t kHead = sizeof(VkBaseInStructure);
     std::memcpy(static_cast<void*>(&out[i]), reinterpret_cast<const std::byte*>(&regions[i]) + kHead, sizeof(Region));
   }
-  return out;
+  return {out, count};
 }
 static_assert(offsetof(VkBufferCopy2, srcOffset) == 16 && offsetof(VkBufferCopy2, size) - 16 == offsetof(VkBufferCopy, size));
 static_assert(offsetof(VkImageCopy2, srcSubresource) == 16 && offsetof(VkImageCopy2, extent) - 16 == offsetof(VkImageCopy, extent));
@@ -48,7 +53,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdCopyBuffer(VkCommandBuffer b, VkBuffer src, VkBu
   forRegions(b, regions, count, [s = from(src), d = from(dst)](base::ThreadPool&, const VkBufferCopy& r) { copyRange(s->range(r.srcOffset), d->range(r.dstOffset), r.size); });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyBuffer2(VkCommandBuffer b, const VkCopyBufferInfo2* i) {
-  vkCmdCopyBuffer(b, i->srcBuffer, i->dstBuffer, i->regionCount, firstForm<VkBufferCopy>(i->pRegions, i->regionCount).data());
+  auto regions = firstForm<VkBufferCopy>(b, i->pRegions, i->regionCount);
+  vkCmdCopyBuffer(b, i->srcBuffer, i->dstBuffer, uint32_t(regions.size()), regions.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyImage(VkCommandBuffer b, VkImage src, VkImageLayout, VkImage dst, VkImageLayout, uint32_t count, const VkImageCopy* regions) {
@@ -57,7 +63,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdCopyImage(VkCommandBuffer b, VkImage src, VkImag
   });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyImage2(VkCommandBuffer b, const VkCopyImageInfo2* i) {
-  vkCmdCopyImage(b, i->srcImage, i->srcImageLayout, i->dstImage, i->dstImageLayout, i->regionCount, firstForm<VkImageCopy>(i->pRegions, i->regionCount).data());
+  auto regions = firstForm<VkImageCopy>(b, i->pRegions, i->regionCount);
+  vkCmdCopyImage(b, i->srcImage, i->srcImageLayout, i->dstImage, i->dstImageLayout, uint32_t(regions.size()), regions.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyBufferToImage(VkCommandBuffer b, VkBuffer src, VkImage dst, VkImageLayout, uint32_t count, const VkBufferImageCopy* regions) {
@@ -66,7 +73,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdCopyBufferToImage(VkCommandBuffer b, VkBuffer sr
   });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyBufferToImage2(VkCommandBuffer b, const VkCopyBufferToImageInfo2* i) {
-  vkCmdCopyBufferToImage(b, i->srcBuffer, i->dstImage, i->dstImageLayout, i->regionCount, firstForm<VkBufferImageCopy>(i->pRegions, i->regionCount).data());
+  auto regions = firstForm<VkBufferImageCopy>(b, i->pRegions, i->regionCount);
+  vkCmdCopyBufferToImage(b, i->srcBuffer, i->dstImage, i->dstImageLayout, uint32_t(regions.size()), regions.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyImageToBuffer(VkCommandBuffer b, VkImage src, VkImageLayout, VkBuffer dst, uint32_t count, const VkBufferImageCopy* regions) {
@@ -75,7 +83,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdCopyImageToBuffer(VkCommandBuffer b, VkImage src
   });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyImageToBuffer2(VkCommandBuffer b, const VkCopyImageToBufferInfo2* i) {
-  vkCmdCopyImageToBuffer(b, i->srcImage, i->srcImageLayout, i->dstBuffer, i->regionCount, firstForm<VkBufferImageCopy>(i->pRegions, i->regionCount).data());
+  auto regions = firstForm<VkBufferImageCopy>(b, i->pRegions, i->regionCount);
+  vkCmdCopyImageToBuffer(b, i->srcImage, i->srcImageLayout, i->dstBuffer, uint32_t(regions.size()), regions.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBlitImage(VkCommandBuffer b, VkImage src, VkImageLayout, VkImage dst, VkImageLayout, uint32_t count, const VkImageBlit* regions, VkFilter filter) {
@@ -84,7 +93,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBlitImage(VkCommandBuffer b, VkImage src, VkImag
   });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdBlitImage2(VkCommandBuffer b, const VkBlitImageInfo2* i) {
-  vkCmdBlitImage(b, i->srcImage, i->srcImageLayout, i->dstImage, i->dstImageLayout, i->regionCount, firstForm<VkImageBlit>(i->pRegions, i->regionCount).data(), i->filter);
+  auto regions = firstForm<VkImageBlit>(b, i->pRegions, i->regionCount);
+  vkCmdBlitImage(b, i->srcImage, i->srcImageLayout, i->dstImage, i->dstImageLayout, uint32_t(regions.size()), regions.data(), i->filter);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdResolveImage(VkCommandBuffer b, VkImage src, VkImageLayout, VkImage dst, VkImageLayout, uint32_t count, const VkImageResolve* regions) {
@@ -93,7 +103,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdResolveImage(VkCommandBuffer b, VkImage src, VkI
   });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdResolveImage2(VkCommandBuffer b, const VkResolveImageInfo2* i) {
-  vkCmdResolveImage(b, i->srcImage, i->srcImageLayout, i->dstImage, i->dstImageLayout, i->regionCount, firstForm<VkImageResolve>(i->pRegions, i->regionCount).data());
+  auto regions = firstForm<VkImageResolve>(b, i->pRegions, i->regionCount);
+  vkCmdResolveImage(b, i->srcImage, i->srcImageLayout, i->dstImage, i->dstImageLayout, uint32_t(regions.size()), regions.data());
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdUpdateBuffer(VkCommandBuffer buffer, VkBuffer dst, VkDeviceSize offset, VkDeviceSize size, const void* data) {

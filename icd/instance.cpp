@@ -80,7 +80,12 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateInstance(const VkInstanceCreateInfo* info
   instance->extensions = enabled;
   if (info->pApplicationInfo && info->pApplicationInfo->apiVersion) instance->apiVersion = info->pApplicationInfo->apiVersion;
   instance->physicalDevice.instance = instance;
-  initPhysicalDevice(instance->physicalDevice);
+  try {
+    initPhysicalDevice(instance->physicalDevice);
+  } catch (const std::bad_alloc&) {
+    destroyObject(allocator, instance);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
   *out = to<VkInstance>(instance);
   return VK_SUCCESS;
 }

@@ -66,8 +66,8 @@ pipeline::Attachment attachmentOf(const ImageView& view) {
   return a;
 }
 
-pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const Framebuffer& framebuffer, const std::vector<ImageView*>& views,
-                                 const VkRect2D& area, const std::vector<VkClearValue>& clears) {
+pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const Framebuffer& framebuffer, std::span<ImageView* const> views,
+                                 const VkRect2D& area, std::span<const VkClearValue> clears) {
   const Subpass& subpass = pass.subpasses[number];
   pipeline::PassBegin begin;
   begin.renderArea = area;

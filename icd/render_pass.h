@@ -1,6 +1,7 @@
 // Render passes and framebuffers. Both forms of vkCreateRenderPass become one list of plain values.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "icd/resources.h"
@@ -35,7 +36,7 @@ struct Framebuffer {
 
 //! What one subpass needs of its attachments. `views` and `clears` by attachment number.
 pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t subpass, const Framebuffer& framebuffer,
-                                 const std::vector<ImageView*>& views, const VkRect2D& area, const std::vector<VkClearValue>& clears);
+                                 std::span<ImageView* const> views, const VkRect2D& area, std::span<const VkClearValue> clears);
 //! An attachment made of a view (load and store, no clear).
 pipeline::Attachment attachmentOf(const ImageView& view);
 
