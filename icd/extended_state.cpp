@@ -2,6 +2,7 @@
 
 #include <cstring>
 
+#include "base/fpenv.h"
 #include "base/log.h"
 #include "entrypoints.h"
 #include "icd/command_buffer.h"
@@ -66,6 +67,7 @@ uint32_t extendedBit(VkDynamicState state) {
 }
 
 std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const ExtendedState& values) {
+  base::ScopedFpEnv environment;
   pipeline::GraphicsState state = state_;
   apply(state, mask_, values);
   // The key is what differs: the values that this pipeline leaves dynamic.

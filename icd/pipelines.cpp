@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/fpenv.h"
 #include "base/log.h"
 #include "entrypoints.h"
 #include "icd/descriptors.h"
@@ -160,6 +161,7 @@ base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkCom
 
 template <typename Info, typename Make>
 VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, const VkAllocationCallbacks* callbacks, VkPipeline* out, const char* what, Make&& make) {
+  base::ScopedFpEnv environment;   // constants are folded on the application's thread
   VkResult result = VK_SUCCESS;
   bool stop = false;
   for (uint32_t i = 0; i < count; i++) {
