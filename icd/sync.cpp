@@ -24,7 +24,7 @@ bool writeQueryResult(const Query& query, VkQueryResultFlags flags, std::byte* o
     uint64_t word = width == 4 ? std::min<uint64_t>(words[i], 0xffffffffu) : words[i];
     if ((i + 1) * width <= bytes) std::memcpy(out + i * width, &word, width);
   }
-  return query.available;
+  return writeValue;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateFence(VkDevice device, const VkFenceCreateInfo* info, const VkAllocationCallbacks* callbacks, VkFence* out) {
