@@ -251,8 +251,10 @@ VKAPI_ATTR void VKAPI_CALL vkUpdateDescriptorSets(VkDevice, uint32_t writes, con
   for (uint32_t i = 0; i < copies; i++) {
     const VkCopyDescriptorSet& c = copy[i];
     ElementWalk src(*from(c.srcSet), c.srcBinding, c.srcArrayElement), dst(*from(c.dstSet), c.dstBinding, c.dstArrayElement);
-    for (uint32_t k = 0; k < c.descriptorCount && src.valid() && dst.valid(); k++, src.next(), dst.next())
+    for (uint32_t k = 0; k < c.descriptorCount && src.valid() && dst.valid(); k++, src.next(), dst.next()) {
       std::memmove(dst.address(), src.address(), std::min(src.binding().stride, dst.binding().stride));
+      if (const auto& fixed = dst.binding().immutableSamplers; !fixed.empty()) *samplerPart(dst.binding().type, dst.address()) = fixed[dst.element()];
+    }
   }
 }
 
