@@ -26,8 +26,9 @@ VKAPI_ATTR VkResult VKAPI_CALL vkAllocateMemory(VkDevice handle, const VkMemoryA
   Device& device = *from(handle);
   uint64_t size = info->allocationSize;
   uint64_t heap = device.physical.memory.memoryHeaps[0].size;
+  if (size > heap) return VK_ERROR_OUT_OF_DEVICE_MEMORY;   // and the sum below cannot wrap
   uint64_t before = device.allocatedBytes.fetch_add(size);
-  if (size > heap || before > heap - size) {
+  if (before > heap - size) {
     device.allocatedBytes -= size;
     return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   }
