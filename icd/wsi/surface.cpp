@@ -6,6 +6,7 @@
 #include "entrypoints.h"
 #include "icd/device.h"
 #include "icd/wsi/window_system.h"
+#include "texture/format.h"
 
 #undef None
 #undef Bool
@@ -54,6 +55,9 @@ VkResult capabilities(VkPhysicalDevice handle, VkSurfaceKHR surface, VkSurfaceCa
   if (state.translucent) out.supportedCompositeAlpha |= VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR;
   out.supportedUsageFlags = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT | VK_IMAGE_USAGE_SAMPLED_BIT |
                             VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
+  // Of the formats without sRGB; an application asks for its format's own features too.
+  if (texture::optimalFeatures(*texture::formatInfo(kFormats[0].format)) & VK_FORMAT_FEATURE_2_STORAGE_IMAGE_BIT)
+    out.supportedUsageFlags |= VK_IMAGE_USAGE_STORAGE_BIT;
   return VK_SUCCESS;
 }
 

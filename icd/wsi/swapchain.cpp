@@ -108,6 +108,7 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
   for (uint32_t i = 0; i < count; i++) {
     Image& image = s.images[i].image;
     image.layout = layout;
+    if (info.flags & VK_SWAPCHAIN_CREATE_MUTABLE_FORMAT_BIT_KHR) image.flags = VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT | VK_IMAGE_CREATE_EXTENDED_USAGE_BIT;
     image.usage = info.imageUsage;
     image.format = info.imageFormat;
     image.data = s.memory + i * s.imageBytes;

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <iterator>
+#include <stdexcept>
 
 namespace pumice::test {
 namespace {
@@ -28,12 +30,13 @@ Client::Client(const std::vector<const char*>& surfaceExtensions) {
   VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
   queueInfo.queueCount = 1;
   queueInfo.pQueuePriorities = &priority;
-  const char* swapchain = VK_KHR_SWAPCHAIN_EXTENSION_NAME;
+  const char* deviceExtensions[] = {VK_KHR_SWAPCHAIN_EXTENSION_NAME, VK_KHR_SWAPCHAIN_MUTABLE_FORMAT_EXTENSION_NAME,
+                                    VK_KHR_IMAGE_FORMAT_LIST_EXTENSION_NAME, VK_KHR_MAINTENANCE_2_EXTENSION_NAME};
   VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
   deviceInfo.queueCreateInfoCount = 1;
   deviceInfo.pQueueCreateInfos = &queueInfo;
-  deviceInfo.enabledExtensionCount = 1;
-  deviceInfo.ppEnabledExtensionNames = &swapchain;
+  deviceInfo.enabledExtensionCount = std::size(deviceExtensions);
+  deviceInfo.ppEnabledExtensionNames = deviceExtensions;
   if (vkCreateDevice(physical, &deviceInfo, nullptr, &device) != VK_SUCCESS) throw std::runtime_error("no device");
   vkGetDeviceQueue(device, 0, 0, &queue);
   VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
@@ -70,6 +73,14 @@ Chain::Chain(Client& c, VkSurfaceKHR surface, const ChainOptions& o, VkSwapchain
   info.presentMode = o.mode;
   info.clipped = VK_TRUE;
   info.oldSwapchain = old;
+  const VkFormat formats[] = {o.format, o.viewFormat};
+  VkImageFormatListCreateInfo list{VK_STRUCTURE_TYPE_IMAGE_FORMAT_LIST_CREATE_INFO};
+  list.viewFormatCount = 2;
+  list.pViewFormats = formats;
+  if (o.viewFormat) {
+    info.flags = VK_SWAPCHAIN_CREATE_MUTABLE_FORMAT_BIT_KHR;
+    info.pNext = &list;
+  }
   created = vkCreateSwapchainKHR(c.device, &info, nullptr, &handle);
   if (created != VK_SUCCESS) return;
   uint32_t count = 0;
@@ -177,14 +188,18 @@ VkResult Chain::show(uint32_t seed) {
   VkSemaphore drawn = VK_NULL_HANDLE;
   VkResult result = draw(seed, index, drawn);
   if (result < 0 || result == VK_TIMEOUT) return result;
+  VkResult presented = present(index, drawn);
+  return presented == VK_SUCCESS ? result : presented;
+}
+
+VkResult Chain::present(uint32_t index, VkSemaphore drawn) {
   VkPresentInfoKHR present{VK_STRUCTURE_TYPE_PRESENT_INFO_KHR};
-  present.waitSemaphoreCount = 1;
+  present.waitSemaphoreCount = drawn ? 1 : 0;
   present.pWaitSemaphores = &drawn;
   present.swapchainCount = 1;
   present.pSwapchains = &handle;
   present.pImageIndices = &index;
-  VkResult presented = vkQueuePresentKHR(client.queue, &present);
-  return presented == VK_SUCCESS ? result : presented;
+  return vkQueuePresentKHR(client.queue, &present);
 }
 
 }  // namespace pumice::test

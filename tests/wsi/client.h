@@ -38,7 +38,8 @@ struct ChainOptions {
   VkExtent2D extent{64, 48};
   uint32_t images = 2;
   VkCompositeAlphaFlagBitsKHR alpha = VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR;
-  uint8_t alphaByte = 0;   //!< of every pixel
+  uint8_t alphaByte = 0;                           //!< of every pixel
+  VkFormat viewFormat = VK_FORMAT_UNDEFINED;       //!< views may have this one too
 };
 
 class Chain {
@@ -51,6 +52,7 @@ class Chain {
   VkResult show(uint32_t seed);
   //! Acquires and fills an image; presented by whoever asked.
   VkResult draw(uint32_t seed, uint32_t& index, VkSemaphore& drawn);
+  VkResult present(uint32_t index, VkSemaphore drawn = VK_NULL_HANDLE);
   VkResult acquire(uint64_t timeout, uint32_t& index);
 
   Client& client;

@@ -4,11 +4,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <thread>
 
 #define VK_USE_PLATFORM_XCB_KHR
 #define VK_USE_PLATFORM_XLIB_KHR
@@ -426,6 +428,111 @@ TEST(X11Visual, AlphaOfATranslucentWindowIsKeptOnlyIfAskedFor) {
     auto pixels = observer.read(window.window, 64, 48);
     EXPECT_EQ(wrongPixels(pixels, 64, 48, 3), 0);
     for (uint32_t pixel : pixels) ASSERT_EQ(pixel >> 24, alpha == VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR ? 0xffu : 0x40u);
+  }
+}
+
+TEST(X11Swapchain, ImagesMayBeDrawnThroughViewsOfAnotherFormat) {
+  XServer server;
+  ASSERT_TRUE(server.running());
+  Client client(xExtensions());
+  XObserver observer(server);
+  XWindow window(server, Library::Xcb, 64, 48);
+  XSurface surface(client, window);
+  ChainOptions options;
+  options.viewFormat = VK_FORMAT_B8G8R8A8_SRGB;
+  Chain chain(client, surface.handle, options);
+  ASSERT_EQ(chain.created, VK_SUCCESS);
+  uint32_t index;
+  ASSERT_EQ(chain.acquire(1'000'000'000, index), VK_SUCCESS);
+
+  VkImageViewCreateInfo viewInfo{VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO};
+  viewInfo.image = chain.images[index];
+  viewInfo.viewType = VK_IMAGE_VIEW_TYPE_2D;
+  viewInfo.format = options.viewFormat;
+  viewInfo.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+  VkImageView view;
+  ASSERT_EQ(vkCreateImageView(client.device, &viewInfo, nullptr, &view), VK_SUCCESS);
+  VkAttachmentDescription attachment{};
+  attachment.format = options.viewFormat;
+  attachment.samples = VK_SAMPLE_COUNT_1_BIT;
+  attachment.loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
+  attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+  attachment.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
+  attachment.stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
+  attachment.finalLayout = VK_IMAGE_LAYOUT_PRESENT_SRC_KHR;
+  VkAttachmentReference reference{0, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL};
+  VkSubpassDescription subpass{};
+  subpass.colorAttachmentCount = 1;
+  subpass.pColorAttachments = &reference;
+  VkRenderPassCreateInfo passInfo{VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO};
+  passInfo.attachmentCount = 1;
+  passInfo.pAttachments = &attachment;
+  passInfo.subpassCount = 1;
+  passInfo.pSubpasses = &subpass;
+  VkRenderPass pass;
+  ASSERT_EQ(vkCreateRenderPass(client.device, &passInfo, nullptr, &pass), VK_SUCCESS);
+  VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO};
+  framebufferInfo.renderPass = pass;
+  framebufferInfo.attachmentCount = 1;
+  framebufferInfo.pAttachments = &view;
+  framebufferInfo.width = options.extent.width;
+  framebufferInfo.height = options.extent.height;
+  framebufferInfo.layers = 1;
+  VkFramebuffer framebuffer;
+  ASSERT_EQ(vkCreateFramebuffer(client.device, &framebufferInfo, nullptr, &framebuffer), VK_SUCCESS);
+  VkCommandBufferAllocateInfo commandInfo{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+  commandInfo.commandPool = client.pool;
+  commandInfo.commandBufferCount = 1;
+  VkCommandBuffer commands;
+  ASSERT_EQ(vkAllocateCommandBuffers(client.device, &commandInfo, &commands), VK_SUCCESS);
+  VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+  vkBeginCommandBuffer(commands, &begin);
+  VkClearValue clear{};
+  clear.color = {{0.5f, 0.0f, 1.0f, 1.0f}};
+  VkRenderPassBeginInfo passBegin{VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO};
+  passBegin.renderPass = pass;
+  passBegin.framebuffer = framebuffer;
+  passBegin.renderArea.extent = options.extent;
+  passBegin.clearValueCount = 1;
+  passBegin.pClearValues = &clear;
+  vkCmdBeginRenderPass(commands, &passBegin, VK_SUBPASS_CONTENTS_INLINE);
+  vkCmdEndRenderPass(commands);
+  vkEndCommandBuffer(commands);
+  VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
+  submit.commandBufferCount = 1;
+  submit.pCommandBuffers = &commands;
+  ASSERT_EQ(vkQueueSubmit(client.queue, 1, &submit, VK_NULL_HANDLE), VK_SUCCESS);
+  ASSERT_EQ(chain.present(index), VK_SUCCESS);
+  vkDeviceWaitIdle(client.device);
+  EXPECT_TRUE(window.noErrors());
+  auto pixels = observer.read(window.window, 64, 48);
+  ASSERT_EQ(pixels.size(), 64u * 48);
+  for (uint32_t pixel : pixels) ASSERT_EQ(pixel & 0xffffff, 0xbc00ffu);   // a half in sRGB is 188
+  vkDestroyFramebuffer(client.device, framebuffer, nullptr);
+  vkDestroyRenderPass(client.device, pass, nullptr);
+  vkDestroyImageView(client.device, view, nullptr);
+}
+
+TEST(X11Swapchain, PresentsWhileTheProgramTalksToTheServer) {
+  XServer server;
+  ASSERT_TRUE(server.running());
+  for (Library library : {Library::Xcb, Library::Xlib}) {
+    Client client(xExtensions());
+    XObserver observer(server);
+    XWindow window(server, library, 64, 48);
+    XSurface surface(client, window);
+    Chain chain(client, surface.handle, {});
+    std::atomic<bool> stop = false;
+    bool good = true;
+    std::thread talker([&] {
+      while (!stop) good &= window.noErrors();
+    });
+    for (uint32_t seed = 0; seed < 300; seed++) EXPECT_EQ(chain.show(seed), VK_SUCCESS);
+    vkDeviceWaitIdle(client.device);
+    stop = true;
+    talker.join();
+    EXPECT_TRUE(good && window.noErrors());
+    EXPECT_EQ(wrongPixels(observer.read(window.window, 64, 48), 64, 48, 299), 0);
   }
 }
 
