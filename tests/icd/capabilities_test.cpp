@@ -118,7 +118,7 @@ TEST(Limits, AreAtLeastThoseRequired) {
   BITS(sampledImageIntegerSampleCounts, VK_SAMPLE_COUNT_1_BIT);
   BITS(sampledImageDepthSampleCounts, kOneAndFour);
   BITS(sampledImageStencilSampleCounts, kOneAndFour);
-  BITS(storageImageSampleCounts, f.shaderStorageImageMultisample ? kOneAndFour : VK_SAMPLE_COUNT_1_BIT);
+  BITS(storageImageSampleCounts, f.shaderStorageImageMultisample ? kOneAndFour : 1u);
   AT_LEAST(maxSampleMaskWords, 1u);
   AT_LEAST(maxClipDistances, f.shaderClipDistance ? 8u : 0u);
   AT_LEAST(maxCullDistances, f.shaderCullDistance ? 8u : 0u);
@@ -393,8 +393,8 @@ void clearAndRead(TestDevice& device, const TestDevice::Buffer& buffer, const Cl
   auto* bytes = static_cast<uint8_t*>(mapped);
   std::memset(bytes, 0xa5, needs.size + needs.alignment + 4096);
 
-  VkImageAspectFlags aspects = (isDepth(c.format) ? VK_IMAGE_ASPECT_DEPTH_BIT : 0u) |
-                               (isStencil(c.format) ? VK_IMAGE_ASPECT_STENCIL_BIT : 0u);
+  VkImageAspectFlags aspects = (isDepth(c.format) ? uint32_t(VK_IMAGE_ASPECT_DEPTH_BIT) : 0u) |
+                               (isStencil(c.format) ? uint32_t(VK_IMAGE_ASPECT_STENCIL_BIT) : 0u);
   if (!aspects) aspects = VK_IMAGE_ASPECT_COLOR_BIT;
   VkImageSubresourceRange range{aspects, 0, VK_REMAINING_MIP_LEVELS, 0, VK_REMAINING_ARRAY_LAYERS};
   bool clear = (c.usage & VK_IMAGE_USAGE_TRANSFER_DST_BIT) && !isCompressed(c.format),
@@ -413,7 +413,8 @@ void clearAndRead(TestDevice& device, const TestDevice::Buffer& buffer, const Cl
     else
       VK(vkCmdClearDepthStencilImage)(commands, image, VK_IMAGE_LAYOUT_GENERAL, &depth, 1, &range);
   }
-  VkImageAspectFlags one = aspects & VK_IMAGE_ASPECT_DEPTH_BIT ? VK_IMAGE_ASPECT_DEPTH_BIT : aspects;
+  VkImageAspectFlags one =
+      aspects & VK_IMAGE_ASPECT_DEPTH_BIT ? uint32_t(VK_IMAGE_ASPECT_DEPTH_BIT) : aspects;
   VkBufferImageCopy copy{0, 0, 0, {one, level, layer, 1}, {0, 0, 0}, size};
   if (read) VK(vkCmdCopyImageToBuffer)(commands, image, VK_IMAGE_LAYOUT_GENERAL, buffer.handle, 1, &copy);
   device.run(commands);
