@@ -17,11 +17,14 @@
 namespace pumice::icd {
 namespace {
 
-const VkIcdSurfaceBase& base(VkSurfaceKHR surface) { return *reinterpret_cast<const VkIcdSurfaceBase*>(surface); }
+const VkIcdSurfaceBase& base(VkSurfaceKHR surface) {
+  return *reinterpret_cast<const VkIcdSurfaceBase*>(surface);
+}
 
 // The structures are the loader's own (vk_icd.h), so surfaces made by either side look the same.
 template <typename Surface, typename Fill>
-VkResult create(VkInstance handle, const VkAllocationCallbacks* callbacks, VkIcdWsiPlatform platform, VkSurfaceKHR* out, Fill&& fill) {
+VkResult create(VkInstance handle, const VkAllocationCallbacks* callbacks, VkIcdWsiPlatform platform,
+                VkSurfaceKHR* out, Fill&& fill) {
   auto* s = makeObject<Surface>(from(handle)->allocator.orElse(callbacks), VK_SYSTEM_ALLOCATION_SCOPE_OBJECT);
   if (!s) return VK_ERROR_OUT_OF_HOST_MEMORY;
   *s = {};
@@ -37,13 +40,14 @@ constexpr VkSurfaceFormatKHR kFormats[] = {
     {VK_FORMAT_R8G8B8A8_UNORM, VK_COLOR_SPACE_SRGB_NONLINEAR_KHR},
     {VK_FORMAT_R8G8B8A8_SRGB, VK_COLOR_SPACE_SRGB_NONLINEAR_KHR},
 };
-constexpr VkPresentModeKHR kPresentModes[] = {VK_PRESENT_MODE_IMMEDIATE_KHR, VK_PRESENT_MODE_MAILBOX_KHR, VK_PRESENT_MODE_FIFO_KHR};
+constexpr VkPresentModeKHR kPresentModes[] = {VK_PRESENT_MODE_IMMEDIATE_KHR, VK_PRESENT_MODE_MAILBOX_KHR,
+                                              VK_PRESENT_MODE_FIFO_KHR};
 
 VkResult capabilities(VkPhysicalDevice handle, VkSurfaceKHR surface, VkSurfaceCapabilitiesKHR& out) {
   WindowState state = queryWindow(base(surface));
   if (!state.alive) return VK_ERROR_SURFACE_LOST_KHR;
   uint32_t edge = from(handle)->properties.limits.maxImageDimension2D;
-  bool decided = state.extent.width != ~0u;   // the window's size is the swapchain's
+  bool decided = state.extent.width != ~0u;  // the window's size is the swapchain's
   out.minImageCount = 2;
   out.maxImageCount = 0;
   out.currentExtent = state.extent;
@@ -53,10 +57,12 @@ VkResult capabilities(VkPhysicalDevice handle, VkSurfaceKHR surface, VkSurfaceCa
   out.supportedTransforms = out.currentTransform = VK_SURFACE_TRANSFORM_IDENTITY_BIT_KHR;
   out.supportedCompositeAlpha = VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR | VK_COMPOSITE_ALPHA_INHERIT_BIT_KHR;
   if (state.translucent) out.supportedCompositeAlpha |= VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR;
-  out.supportedUsageFlags = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT | VK_IMAGE_USAGE_SAMPLED_BIT |
-                            VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
+  out.supportedUsageFlags = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT |
+                            VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT |
+                            VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
   // Of the formats without sRGB; an application asks for its format's own features too.
-  if (texture::optimalFeatures(*texture::formatInfo(kFormats[0].format)) & VK_FORMAT_FEATURE_2_STORAGE_IMAGE_BIT)
+  if (texture::optimalFeatures(*texture::formatInfo(kFormats[0].format)) &
+      VK_FORMAT_FEATURE_2_STORAGE_IMAGE_BIT)
     out.supportedUsageFlags |= VK_IMAGE_USAGE_STORAGE_BIT;
   return VK_SUCCESS;
 }
@@ -73,8 +79,10 @@ WindowState queryWindow(const VkIcdSurfaceBase& surface) {
       auto& s = reinterpret_cast<const VkIcdSurfaceXlib&>(surface);
       return queryXcbWindow(XGetXCBConnection(s.dpy), xcb_window_t(s.window));
     }
-    case VK_ICD_WSI_PLATFORM_WAYLAND: return queryWaylandWindow(reinterpret_cast<const VkIcdSurfaceWayland&>(surface).display);
-    default: return {};
+    case VK_ICD_WSI_PLATFORM_WAYLAND:
+      return queryWaylandWindow(reinterpret_cast<const VkIcdSurfaceWayland&>(surface).display);
+    default:
+      return {};
   }
 }
 
@@ -92,88 +100,129 @@ std::unique_ptr<Window> openWindow(const VkIcdSurfaceBase& surface, const VkSwap
       auto& s = reinterpret_cast<const VkIcdSurfaceWayland&>(surface);
       return openWaylandWindow(s.display, s.surface, info.presentMode, info.compositeAlpha);
     }
-    default: return nullptr;   // headless: nothing is shown
+    default:
+      return nullptr;  // headless: nothing is shown
   }
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateXcbSurfaceKHR(VkInstance instance, const VkXcbSurfaceCreateInfoKHR* info, const VkAllocationCallbacks* callbacks, VkSurfaceKHR* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateXcbSurfaceKHR(VkInstance instance,
+                                                     const VkXcbSurfaceCreateInfoKHR* info,
+                                                     const VkAllocationCallbacks* callbacks,
+                                                     VkSurfaceKHR* out) {
   return create<VkIcdSurfaceXcb>(instance, callbacks, VK_ICD_WSI_PLATFORM_XCB, out, [&](VkIcdSurfaceXcb& s) {
     s.connection = info->connection;
     s.window = info->window;
   });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateXlibSurfaceKHR(VkInstance instance, const VkXlibSurfaceCreateInfoKHR* info, const VkAllocationCallbacks* callbacks, VkSurfaceKHR* out) {
-  return create<VkIcdSurfaceXlib>(instance, callbacks, VK_ICD_WSI_PLATFORM_XLIB, out, [&](VkIcdSurfaceXlib& s) {
-    s.dpy = info->dpy;
-    s.window = info->window;
-  });
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateXlibSurfaceKHR(VkInstance instance,
+                                                      const VkXlibSurfaceCreateInfoKHR* info,
+                                                      const VkAllocationCallbacks* callbacks,
+                                                      VkSurfaceKHR* out) {
+  return create<VkIcdSurfaceXlib>(instance, callbacks, VK_ICD_WSI_PLATFORM_XLIB, out,
+                                  [&](VkIcdSurfaceXlib& s) {
+                                    s.dpy = info->dpy;
+                                    s.window = info->window;
+                                  });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateWaylandSurfaceKHR(VkInstance instance, const VkWaylandSurfaceCreateInfoKHR* info, const VkAllocationCallbacks* callbacks, VkSurfaceKHR* out) {
-  return create<VkIcdSurfaceWayland>(instance, callbacks, VK_ICD_WSI_PLATFORM_WAYLAND, out, [&](VkIcdSurfaceWayland& s) {
-    s.display = info->display;
-    s.surface = info->surface;
-  });
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateWaylandSurfaceKHR(VkInstance instance,
+                                                         const VkWaylandSurfaceCreateInfoKHR* info,
+                                                         const VkAllocationCallbacks* callbacks,
+                                                         VkSurfaceKHR* out) {
+  return create<VkIcdSurfaceWayland>(instance, callbacks, VK_ICD_WSI_PLATFORM_WAYLAND, out,
+                                     [&](VkIcdSurfaceWayland& s) {
+                                       s.display = info->display;
+                                       s.surface = info->surface;
+                                     });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateHeadlessSurfaceEXT(VkInstance instance, const VkHeadlessSurfaceCreateInfoEXT*, const VkAllocationCallbacks* callbacks, VkSurfaceKHR* out) {
-  return create<VkIcdSurfaceHeadless>(instance, callbacks, VK_ICD_WSI_PLATFORM_HEADLESS, out, [](VkIcdSurfaceHeadless&) {});
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateHeadlessSurfaceEXT(VkInstance instance,
+                                                          const VkHeadlessSurfaceCreateInfoEXT*,
+                                                          const VkAllocationCallbacks* callbacks,
+                                                          VkSurfaceKHR* out) {
+  return create<VkIcdSurfaceHeadless>(instance, callbacks, VK_ICD_WSI_PLATFORM_HEADLESS, out,
+                                      [](VkIcdSurfaceHeadless&) {});
 }
 
-VKAPI_ATTR void VKAPI_CALL vkDestroySurfaceKHR(VkInstance instance, VkSurfaceKHR surface, const VkAllocationCallbacks* callbacks) {
+VKAPI_ATTR void VKAPI_CALL vkDestroySurfaceKHR(VkInstance instance, VkSurfaceKHR surface,
+                                               const VkAllocationCallbacks* callbacks) {
   // Plain structures all: no destructor to run.
   from(instance)->allocator.orElse(callbacks).free(reinterpret_cast<void*>(surface));
 }
 
-VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXcbPresentationSupportKHR(VkPhysicalDevice, uint32_t, xcb_connection_t* connection, xcb_visualid_t visual) {
+VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXcbPresentationSupportKHR(VkPhysicalDevice, uint32_t,
+                                                                            xcb_connection_t* connection,
+                                                                            xcb_visualid_t visual) {
   return xcbVisualPresentable(connection, visual);
 }
-VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXlibPresentationSupportKHR(VkPhysicalDevice, uint32_t, Display* display, VisualID visual) {
+VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceXlibPresentationSupportKHR(VkPhysicalDevice, uint32_t,
+                                                                             Display* display,
+                                                                             VisualID visual) {
   return xcbVisualPresentable(XGetXCBConnection(display), xcb_visualid_t(visual));
 }
-VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceWaylandPresentationSupportKHR(VkPhysicalDevice, uint32_t, wl_display*) { return VK_TRUE; }
+VKAPI_ATTR VkBool32 VKAPI_CALL vkGetPhysicalDeviceWaylandPresentationSupportKHR(VkPhysicalDevice, uint32_t,
+                                                                                wl_display*) {
+  return VK_TRUE;
+}
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceSupportKHR(VkPhysicalDevice, uint32_t, VkSurfaceKHR surface, VkBool32* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceSupportKHR(VkPhysicalDevice, uint32_t,
+                                                                    VkSurfaceKHR surface, VkBool32* out) {
   WindowState state = queryWindow(base(surface));
   *out = state.alive && state.presentable;
   return state.alive ? VK_SUCCESS : VK_ERROR_SURFACE_LOST_KHR;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilitiesKHR(VkPhysicalDevice device, VkSurfaceKHR surface, VkSurfaceCapabilitiesKHR* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilitiesKHR(VkPhysicalDevice device,
+                                                                         VkSurfaceKHR surface,
+                                                                         VkSurfaceCapabilitiesKHR* out) {
   return capabilities(device, surface, *out);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilities2KHR(VkPhysicalDevice device, const VkPhysicalDeviceSurfaceInfo2KHR* info, VkSurfaceCapabilities2KHR* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilities2KHR(
+    VkPhysicalDevice device, const VkPhysicalDeviceSurfaceInfo2KHR* info, VkSurfaceCapabilities2KHR* out) {
   return capabilities(device, info->surface, out->surfaceCapabilities);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceFormatsKHR(VkPhysicalDevice, VkSurfaceKHR, uint32_t* count, VkSurfaceFormatKHR* out) {
-  return enumerate(std::size(kFormats), count, out, [](uint32_t i, VkSurfaceFormatKHR& f) { f = kFormats[i]; });
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceFormatsKHR(VkPhysicalDevice, VkSurfaceKHR,
+                                                                    uint32_t* count,
+                                                                    VkSurfaceFormatKHR* out) {
+  return enumerate(std::size(kFormats), count, out,
+                   [](uint32_t i, VkSurfaceFormatKHR& f) { f = kFormats[i]; });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceFormats2KHR(VkPhysicalDevice, const VkPhysicalDeviceSurfaceInfo2KHR*, uint32_t* count, VkSurfaceFormat2KHR* out) {
-  return enumerate(std::size(kFormats), count, out, [](uint32_t i, VkSurfaceFormat2KHR& f) { f.surfaceFormat = kFormats[i]; });
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceFormats2KHR(VkPhysicalDevice,
+                                                                     const VkPhysicalDeviceSurfaceInfo2KHR*,
+                                                                     uint32_t* count,
+                                                                     VkSurfaceFormat2KHR* out) {
+  return enumerate(std::size(kFormats), count, out,
+                   [](uint32_t i, VkSurfaceFormat2KHR& f) { f.surfaceFormat = kFormats[i]; });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfacePresentModesKHR(VkPhysicalDevice, VkSurfaceKHR, uint32_t* count, VkPresentModeKHR* out) {
-  return enumerate(std::size(kPresentModes), count, out, [](uint32_t i, VkPresentModeKHR& m) { m = kPresentModes[i]; });
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfacePresentModesKHR(VkPhysicalDevice, VkSurfaceKHR,
+                                                                         uint32_t* count,
+                                                                         VkPresentModeKHR* out) {
+  return enumerate(std::size(kPresentModes), count, out,
+                   [](uint32_t i, VkPresentModeKHR& m) { m = kPresentModes[i]; });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDevicePresentRectanglesKHR(VkPhysicalDevice, VkSurfaceKHR surface, uint32_t* count, VkRect2D* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDevicePresentRectanglesKHR(VkPhysicalDevice, VkSurfaceKHR surface,
+                                                                       uint32_t* count, VkRect2D* out) {
   WindowState state = queryWindow(base(surface));
   if (!state.alive) return VK_ERROR_SURFACE_LOST_KHR;
   return enumerate(1, count, out, [&](uint32_t, VkRect2D& r) { r = {{0, 0}, state.extent}; });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetDeviceGroupPresentCapabilitiesKHR(VkDevice, VkDeviceGroupPresentCapabilitiesKHR* out) {
+VKAPI_ATTR VkResult VKAPI_CALL
+vkGetDeviceGroupPresentCapabilitiesKHR(VkDevice, VkDeviceGroupPresentCapabilitiesKHR* out) {
   std::fill(std::begin(out->presentMask), std::end(out->presentMask), 0);
   out->presentMask[0] = 1;
   out->modes = VK_DEVICE_GROUP_PRESENT_MODE_LOCAL_BIT_KHR;
   return VK_SUCCESS;
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetDeviceGroupSurfacePresentModesKHR(VkDevice, VkSurfaceKHR, VkDeviceGroupPresentModeFlagsKHR* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkGetDeviceGroupSurfacePresentModesKHR(VkDevice, VkSurfaceKHR,
+                                                                      VkDeviceGroupPresentModeFlagsKHR* out) {
   *out = VK_DEVICE_GROUP_PRESENT_MODE_LOCAL_BIT_KHR;
   return VK_SUCCESS;
 }

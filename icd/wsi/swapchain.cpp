@@ -14,7 +14,7 @@ namespace pumice::icd {
 
 struct SwapchainImage {
   Image image;
-  bool busy = false;   //!< acquired by the application, or waiting to be shown
+  bool busy = false;  //!< acquired by the application, or waiting to be shown
 };
 
 //! Flags and counters are guarded by the device's SyncHub.
@@ -23,11 +23,11 @@ struct Swapchain {
   const VkIcdSurfaceBase* surface = nullptr;
   VkExtent2D extent{};
   bool fifo = true;
-  std::unique_ptr<Window> window;              //!< null: headless
+  std::unique_ptr<Window> window;  //!< null: headless
   std::vector<SwapchainImage> images;
   std::byte* memory = nullptr;
   uint64_t memoryBytes = 0, imageBytes = 0;
-  uint32_t pending = 0;                        //!< presents on their way
+  uint32_t pending = 0;  //!< presents on their way
   bool retired = false, resized = false, lost = false;
 
   ~Swapchain() {
@@ -37,12 +37,15 @@ struct Swapchain {
   void observe(SyncHub& hub);
   void note(const WindowState& state) {
     lost |= !state.alive;
-    resized |= state.extent.width != ~0u && (state.extent.width != extent.width || state.extent.height != extent.height);
+    resized |= state.extent.width != ~0u &&
+               (state.extent.width != extent.width || state.extent.height != extent.height);
   }
   void present(SyncHub& hub, uint32_t index);
 };
 
-std::byte* swapchainImageData(VkSwapchainKHR handle, uint32_t index) { return from(handle)->images[index].image.data; }
+std::byte* swapchainImageData(VkSwapchainKHR handle, uint32_t index) {
+  return from(handle)->images[index].image.data;
+}
 
 void Swapchain::observe(SyncHub& hub) {
   if (!window) return;
@@ -94,21 +97,24 @@ VkImageCreateInfo imageInfo(const VkSwapchainCreateInfoKHR& info) {
 VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
   s.surface = reinterpret_cast<const VkIcdSurfaceBase*>(info.surface);
   s.extent = info.imageExtent;
-  s.fifo = info.presentMode == VK_PRESENT_MODE_FIFO_KHR || info.presentMode == VK_PRESENT_MODE_FIFO_RELAXED_KHR;
+  s.fifo =
+      info.presentMode == VK_PRESENT_MODE_FIFO_KHR || info.presentMode == VK_PRESENT_MODE_FIFO_RELAXED_KHR;
   texture::ImageLayout layout = texture::imageLayout(imageInfo(info));
   if (!layout.format || !layout.size) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   // MAILBOX wants one image to be shown, one queued and one to draw.
   uint32_t count = std::max(info.minImageCount, info.presentMode == VK_PRESENT_MODE_MAILBOX_KHR ? 3u : 2u);
   s.imageBytes = (layout.size + 4095) & ~uint64_t(4095);
   s.memoryBytes = s.imageBytes * count;
-  void* memory = mmap(nullptr, s.memoryBytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  void* memory = mmap(nullptr, s.memoryBytes, PROT_READ | PROT_WRITE,
+                      MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   s.memory = static_cast<std::byte*>(memory);
   s.images.resize(count);
   for (uint32_t i = 0; i < count; i++) {
     Image& image = s.images[i].image;
     image.layout = layout;
-    if (info.flags & VK_SWAPCHAIN_CREATE_MUTABLE_FORMAT_BIT_KHR) image.flags = VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT | VK_IMAGE_CREATE_EXTENDED_USAGE_BIT;
+    if (info.flags & VK_SWAPCHAIN_CREATE_MUTABLE_FORMAT_BIT_KHR)
+      image.flags = VK_IMAGE_CREATE_MUTABLE_FORMAT_BIT | VK_IMAGE_CREATE_EXTENDED_USAGE_BIT;
     image.usage = info.imageUsage;
     image.format = info.imageFormat;
     image.data = s.memory + i * s.imageBytes;
@@ -121,7 +127,8 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
   return VK_SUCCESS;
 }
 
-VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore, VkFence fence, uint32_t* index) {
+VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore, VkFence fence,
+                 uint32_t* index) {
   Swapchain& s = *from(handle);
   s.observe(hub(s));
   VkResult result = VK_SUCCESS;
@@ -151,7 +158,9 @@ VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore,
 
 }  // namespace
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateSwapchainKHR(VkDevice handle, const VkSwapchainCreateInfoKHR* info, const VkAllocationCallbacks* callbacks, VkSwapchainKHR* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateSwapchainKHR(VkDevice handle, const VkSwapchainCreateInfoKHR* info,
+                                                    const VkAllocationCallbacks* callbacks,
+                                                    VkSwapchainKHR* out) {
   Device& device = *from(handle);
   if (Swapchain* old = from(info->oldSwapchain)) hub(*old).update([&] { old->retired = true; });
   auto* swapchain = device.make<Swapchain>(callbacks);
@@ -171,23 +180,28 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSwapchainKHR(VkDevice handle, const VkSwa
   return VK_SUCCESS;
 }
 
-VKAPI_ATTR void VKAPI_CALL vkDestroySwapchainKHR(VkDevice device, VkSwapchainKHR handle, const VkAllocationCallbacks* callbacks) {
+VKAPI_ATTR void VKAPI_CALL vkDestroySwapchainKHR(VkDevice device, VkSwapchainKHR handle,
+                                                 const VkAllocationCallbacks* callbacks) {
   if (Swapchain* s = from(handle)) {
     hub(*s).wait(~0ull, [&] { return !s->pending; });
     from(device)->destroy(callbacks, s);
   }
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkGetSwapchainImagesKHR(VkDevice, VkSwapchainKHR handle, uint32_t* count, VkImage* out) {
+VKAPI_ATTR VkResult VKAPI_CALL vkGetSwapchainImagesKHR(VkDevice, VkSwapchainKHR handle, uint32_t* count,
+                                                       VkImage* out) {
   Swapchain& s = *from(handle);
-  return enumerate(uint32_t(s.images.size()), count, out, [&](uint32_t i, VkImage& image) { image = to<VkImage>(&s.images[i].image); });
+  return enumerate(uint32_t(s.images.size()), count, out,
+                   [&](uint32_t i, VkImage& image) { image = to<VkImage>(&s.images[i].image); });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImageKHR(VkDevice, VkSwapchainKHR swapchain, uint64_t timeout, VkSemaphore semaphore, VkFence fence, uint32_t* index) {
+VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImageKHR(VkDevice, VkSwapchainKHR swapchain, uint64_t timeout,
+                                                     VkSemaphore semaphore, VkFence fence, uint32_t* index) {
   return acquire(swapchain, timeout, semaphore, fence, index);
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImage2KHR(VkDevice, const VkAcquireNextImageInfoKHR* info, uint32_t* index) {
+VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImage2KHR(VkDevice, const VkAcquireNextImageInfoKHR* info,
+                                                      uint32_t* index) {
   return acquire(info->swapchain, info->timeout, info->semaphore, info->fence, index);
 }
 
@@ -201,7 +215,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
   VkResult result = VK_SUCCESS;
   try {
     Submission submission;
-    for (uint32_t i = 0; i < info->waitSemaphoreCount; i++) submission.waits.push_back({from(info->pWaitSemaphores[i]), 1});
+    for (uint32_t i = 0; i < info->waitSemaphoreCount; i++)
+      submission.waits.push_back({from(info->pWaitSemaphores[i]), 1});
     for (uint32_t i = 0; i < info->swapchainCount; i++) {
       Swapchain* s = from(info->pSwapchains[i]);
       items.push_back({s, info->pImageIndices[i]});
@@ -209,7 +224,9 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
       // Shown all the same: a window of another size shows what fits.
       VkResult one = worker.hub().read([&] {
         s->pending++;
-        return s->lost ? VK_ERROR_SURFACE_LOST_KHR : s->retired || s->resized ? VK_SUBOPTIMAL_KHR : VK_SUCCESS;
+        return s->lost                    ? VK_ERROR_SURFACE_LOST_KHR
+               : s->retired || s->resized ? VK_SUBOPTIMAL_KHR
+                                          : VK_SUCCESS;
       });
       if (info->pResults) info->pResults[i] = one;
       // An error counts more than being suboptimal.

@@ -1,4 +1,5 @@
-// Wayland surfaces: wl_shm buffers on an event queue of our own, so that the application's events stay its own.
+// Wayland surfaces: wl_shm buffers on an event queue of our own, so that the application's events stay its
+// own.
 #include <poll.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -107,12 +108,14 @@ class WaylandWindow final : public Window {
 
   // Waits for events until some came or the time is over. False when the connection is broken.
   bool dispatch(Clock::time_point end) {
-    if (wl_display_prepare_read_queue(display_, queue_)) return wl_display_dispatch_queue_pending(display_, queue_) >= 0;
+    if (wl_display_prepare_read_queue(display_, queue_))
+      return wl_display_dispatch_queue_pending(display_, queue_) >= 0;
     short wanted = POLLIN;
     if (wl_display_flush(display_) < 0 && errno == EAGAIN) wanted |= POLLOUT;
     int wait = -1;
     if (end != Clock::time_point::max())
-      wait = int(std::max<int64_t>(0, std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()).count()));
+      wait =
+          int(std::max<int64_t>(0, std::chrono::ceil<std::chrono::milliseconds>(end - Clock::now()).count()));
     pollfd file{wl_display_get_fd(display_), wanted, 0};
     int ready = poll(&file, 1, wait);
     if (ready <= 0 || file.revents == POLLOUT) {
@@ -132,10 +135,12 @@ class WaylandWindow final : public Window {
 
   bool allocate(Buffer& b, VkExtent2D extent) {
     size_t bytes = size_t(extent.width) * extent.height * 4;
-    if (bytes > INT32_MAX) return false;   // the protocol's numbers end there
+    if (bytes > INT32_MAX) return false;  // the protocol's numbers end there
     int file = memfd_create("pumice-frame", MFD_CLOEXEC);
     if (file < 0) return false;
-    void* rows = ftruncate(file, off_t(bytes)) ? MAP_FAILED : mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    void* rows = ftruncate(file, off_t(bytes))
+                     ? MAP_FAILED
+                     : mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (rows == MAP_FAILED) {
       close(file);
       return false;
@@ -143,7 +148,8 @@ class WaylandWindow final : public Window {
     wl_shm_pool* pool = wl_shm_create_pool(shm_, file, int32_t(bytes));
     close(file);
     if (pool) {
-      b.buffer = wl_shm_pool_create_buffer(pool, 0, int32_t(extent.width), int32_t(extent.height), int32_t(extent.width * 4), format_);
+      b.buffer = wl_shm_pool_create_buffer(pool, 0, int32_t(extent.width), int32_t(extent.height),
+                                           int32_t(extent.width * 4), format_);
       wl_shm_pool_destroy(pool);
     }
     if (!b.buffer) {
@@ -153,7 +159,8 @@ class WaylandWindow final : public Window {
     b.rows = static_cast<std::byte*>(rows);
     b.bytes = bytes;
     b.extent = extent;
-    static const wl_buffer_listener kListener = {[](void* data, wl_buffer*) { static_cast<Buffer*>(data)->busy = false; }};
+    static const wl_buffer_listener kListener = {
+        [](void* data, wl_buffer*) { static_cast<Buffer*>(data)->busy = false; }};
     wl_buffer_add_listener(b.buffer, &kListener, &b);
     return true;
   }
@@ -172,7 +179,7 @@ class WaylandWindow final : public Window {
   wl_callback* frame_ = nullptr;
   bool fifo_;
   uint32_t format_;
-  Buffer buffers_[4];            //!< one shown, one about to be, two for a compositor that is late to release
+  Buffer buffers_[4];  //!< one shown, one about to be, two for a compositor that is late to release
   Buffer* current_ = nullptr;
 };
 
@@ -185,8 +192,10 @@ WindowState queryWaylandWindow(wl_display* display) {
   return state;
 }
 
-std::unique_ptr<Window> openWaylandWindow(wl_display* display, wl_surface* surface, VkPresentModeKHR mode, VkCompositeAlphaFlagBitsKHR alpha) {
-  auto window = std::make_unique<WaylandWindow>(display, surface, mode == VK_PRESENT_MODE_FIFO_KHR, alpha == VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR);
+std::unique_ptr<Window> openWaylandWindow(wl_display* display, wl_surface* surface, VkPresentModeKHR mode,
+                                          VkCompositeAlphaFlagBitsKHR alpha) {
+  auto window = std::make_unique<WaylandWindow>(display, surface, mode == VK_PRESENT_MODE_FIFO_KHR,
+                                                alpha == VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR);
   if (!window->usable()) {
     base::logError("the Wayland compositor offers no wl_shm, or is gone");
     return nullptr;

@@ -10,10 +10,10 @@
 namespace pumice::icd {
 
 struct WindowState {
-  bool alive = true;             //!< false: the surface is lost
-  VkExtent2D extent{~0u, ~0u};   //!< ~0: the swapchain decides (Wayland, headless)
-  bool presentable = true;       //!< false: pixels of a kind that we cannot make (palettes)
-  bool translucent = false;      //!< pixels may have an alpha for a compositor
+  bool alive = true;            //!< false: the surface is lost
+  VkExtent2D extent{~0u, ~0u};  //!< ~0: the swapchain decides (Wayland, headless)
+  bool presentable = true;      //!< false: pixels of a kind that we cannot make (palettes)
+  bool translucent = false;     //!< pixels may have an alpha for a compositor
 };
 
 //! Rows of B8G8R8A8 (x8 for opaque windows) that the window system can show. `pitch` in bytes.
@@ -41,7 +41,8 @@ WindowState queryWindow(const VkIcdSurfaceBase& surface);
 //! Null when the window is gone or cannot be reached. Only the present mode and composite alpha are read.
 std::unique_ptr<Window> openWindow(const VkIcdSurfaceBase& surface, const VkSwapchainCreateInfoKHR& info);
 
-std::unique_ptr<Window> openXcbWindow(xcb_connection_t* connection, xcb_window_t window, VkCompositeAlphaFlagBitsKHR alpha);
+std::unique_ptr<Window> openXcbWindow(xcb_connection_t* connection, xcb_window_t window,
+                                      VkCompositeAlphaFlagBitsKHR alpha);
 WindowState queryXcbWindow(xcb_connection_t* connection, xcb_window_t window);
 bool xcbVisualPresentable(xcb_connection_t* connection, xcb_visualid_t visual);
 WindowState queryWaylandWindow(wl_display* display);

@@ -11,7 +11,9 @@ std::optional<X11Visual> x11Visual(const xcb_setup_t* setup, xcb_visualid_t id) 
     for (auto depth = xcb_screen_allowed_depths_iterator(screen.data); depth.rem; xcb_depth_next(&depth))
       for (auto visual = xcb_depth_visuals_iterator(depth.data); visual.rem; xcb_visualtype_next(&visual)) {
         if (visual.data->visual_id != id) continue;
-        if (visual.data->_class != XCB_VISUAL_CLASS_TRUE_COLOR && visual.data->_class != XCB_VISUAL_CLASS_DIRECT_COLOR) return {};
+        if (visual.data->_class != XCB_VISUAL_CLASS_TRUE_COLOR &&
+            visual.data->_class != XCB_VISUAL_CLASS_DIRECT_COLOR)
+          return {};
         X11Visual v;
         v.depth = depth.data->depth;
         v.masks[0] = visual.data->red_mask;
@@ -37,7 +39,8 @@ X11Packer::X11Packer(const X11Visual& visual) : visual_(visual) {
   }
 }
 
-void X11Packer::pack(const std::byte* bgra, uint32_t bgraPitch, std::byte* out, uint32_t width, uint32_t height) const {
+void X11Packer::pack(const std::byte* bgra, uint32_t bgraPitch, std::byte* out, uint32_t width,
+                     uint32_t height) const {
   const uint32_t pitch = visual_.pitch(width), rest = visual_.rest();
   for (uint32_t y = 0; y < height; y++) {
     auto* from = reinterpret_cast<const uint8_t*>(bgra + size_t(y) * bgraPitch);

@@ -12,9 +12,9 @@ namespace pumice::icd {
 
 struct X11Visual {
   uint8_t depth = 24;
-  uint8_t bytes = 4;             //!< per pixel: 2 or 4
-  uint32_t pad = 4;              //!< rows are multiples of so many bytes
-  uint32_t masks[3] = {};        //!< red, green, blue
+  uint8_t bytes = 4;       //!< per pixel: 2 or 4
+  uint32_t pad = 4;        //!< rows are multiples of so many bytes
+  uint32_t masks[3] = {};  //!< red, green, blue
 
   uint32_t pitch(uint32_t width) const { return (width * bytes + pad - 1) / pad * pad; }
   //! Bits beside the colours that mean something: alpha.
@@ -34,7 +34,7 @@ class X11Packer {
 
  private:
   X11Visual visual_;
-  uint32_t table_[3][256];       //!< of each channel's values: the bits they become
+  uint32_t table_[3][256];  //!< of each channel's values: the bits they become
 };
 
 }  // namespace pumice::icd

@@ -1,8 +1,8 @@
-// X11 windows through libxcb: memory shared with the server (MIT-SHM 1.2) where it is on this machine, PutImage
-// elsewhere.
+// X11 windows through libxcb: memory shared with the server (MIT-SHM 1.2) where it is on this machine,
+// PutImage elsewhere.
 //
-// The connection may be Xlib's, and Xlib's default handler ends the process at an error that nobody asked for. So
-// every request here has a reply or is `_checked`, and what comes back is looked at or discarded.
+// The connection may be Xlib's, and Xlib's default handler ends the process at an error that nobody asked
+// for. So every request here has a reply or is `_checked`, and what comes back is looked at or discarded.
 #include <sys/mman.h>
 #include <unistd.h>
 #include <xcb/present.h>
@@ -53,7 +53,8 @@ Description describe(xcb_connection_t* connection, xcb_window_t window) {
   d.state.alive = attributes && geometry;
   if (!d.state.alive) return d;
   d.state.extent = {geometry->width, geometry->height};
-  if (attributes->_class == XCB_WINDOW_CLASS_INPUT_OUTPUT) d.visual = x11Visual(xcb_get_setup(connection), attributes->visual);
+  if (attributes->_class == XCB_WINDOW_CLASS_INPUT_OUTPUT)
+    d.visual = x11Visual(xcb_get_setup(connection), attributes->visual);
   d.state.presentable = d.visual.has_value();
   d.state.translucent = d.visual && d.visual->isBgra() && d.visual->depth == 32;
   return d;
@@ -62,7 +63,12 @@ Description describe(xcb_connection_t* connection, xcb_window_t window) {
 class XcbWindow final : public Window {
  public:
   XcbWindow(xcb_connection_t* connection, xcb_window_t window, const Description& d, bool opaque)
-      : connection_(connection), window_(window), visual_(*d.visual), packer_(visual_), fillAlpha_(opaque && visual_.depth == 32), extent_(pack(d.state.extent)) {
+      : connection_(connection),
+        window_(window),
+        visual_(*d.visual),
+        packer_(visual_),
+        fillAlpha_(opaque && visual_.depth == 32),
+        extent_(pack(d.state.extent)) {
     gc_ = xcb_generate_id(connection_);
     const uint32_t noExposures = 0;
     discard(xcb_create_gc_checked(connection_, gc_, window_, XCB_GC_GRAPHICS_EXPOSURES, &noExposures));
@@ -70,13 +76,16 @@ class XcbWindow final : public Window {
       Freed shm(xcb_shm_query_version_reply(connection_, xcb_shm_query_version(connection_), nullptr));
       shared_ = shm && (shm->major_version > 1 || shm->minor_version >= 2);
     }
-    // The server tells of a new size as it happens, on a queue beside the application's: no round trip per frame.
+    // The server tells of a new size as it happens, on a queue beside the application's: no round trip per
+    // frame.
     if (hasExtension(connection_, &xcb_present_id)) {
-      Freed version(xcb_present_query_version_reply(connection_, xcb_present_query_version(connection_, 1, 0), nullptr));
+      Freed version(xcb_present_query_version_reply(connection_, xcb_present_query_version(connection_, 1, 0),
+                                                    nullptr));
       if (version) {
         eventId_ = xcb_generate_id(connection_);
         events_ = xcb_register_for_special_xge(connection_, &xcb_present_id, eventId_, nullptr);
-        discard(xcb_present_select_input_checked(connection_, eventId_, window_, XCB_PRESENT_EVENT_MASK_CONFIGURE_NOTIFY));
+        discard(xcb_present_select_input_checked(connection_, eventId_, window_,
+                                                 XCB_PRESENT_EVENT_MASK_CONFIGURE_NOTIFY));
       }
     }
   }
@@ -85,7 +94,8 @@ class XcbWindow final : public Window {
     for (Buffer& b : buffers_) release(b);
     std::free(staging_);
     if (events_) {
-      discard(xcb_present_select_input_checked(connection_, eventId_, window_, XCB_PRESENT_EVENT_MASK_NO_EVENT));
+      discard(
+          xcb_present_select_input_checked(connection_, eventId_, window_, XCB_PRESENT_EVENT_MASK_NO_EVENT));
       xcb_unregister_for_special_event(connection_, events_);
     }
     discard(xcb_free_gc_checked(connection_, gc_));
@@ -94,7 +104,8 @@ class XcbWindow final : public Window {
 
   WindowState state() override {
     if (events_)
-      while (auto* event = reinterpret_cast<xcb_present_generic_event_t*>(xcb_poll_for_special_event(connection_, events_))) {
+      while (auto* event = reinterpret_cast<xcb_present_generic_event_t*>(
+                 xcb_poll_for_special_event(connection_, events_))) {
         if (event->evtype == XCB_PRESENT_EVENT_CONFIGURE_NOTIFY) {
           auto* configured = reinterpret_cast<xcb_present_configure_notify_event_t*>(event);
           extent_ = pack({configured->width, configured->height});
@@ -134,17 +145,20 @@ class XcbWindow final : public Window {
     if (!visual_.isBgra())
       packer_.pack(staging_, extent.width * 4, b.rows, extent.width, extent.height);
     else if (fillAlpha_)
-      for (auto *p = reinterpret_cast<uint32_t*>(b.rows), *end = p + size_t(rowBytes / 4) * extent.height; p < end; p++) *p |= visual_.rest();
+      for (auto *p = reinterpret_cast<uint32_t*>(b.rows), *end = p + size_t(rowBytes / 4) * extent.height;
+           p < end; p++)
+        *p |= visual_.rest();
     if (b.segment) {
-      discard(xcb_shm_put_image_checked(connection_, window_, gc_, width, height, 0, 0, width, height, 0, 0, visual_.depth, XCB_IMAGE_FORMAT_Z_PIXMAP, 0,
-                                        b.segment, 0));
+      discard(xcb_shm_put_image_checked(connection_, window_, gc_, width, height, 0, 0, width, height, 0, 0,
+                                        visual_.depth, XCB_IMAGE_FORMAT_Z_PIXMAP, 0, b.segment, 0));
     } else {
       // A request has a largest size: send bands of rows.
       uint64_t largest = uint64_t(xcb_get_maximum_request_length(connection_)) * 4 - 64;
       auto rows = uint32_t(std::clamp<uint64_t>(largest / std::max(1u, rowBytes), 1, extent.height));
       for (uint32_t y = 0; y < extent.height; y += rows) {
         uint32_t n = std::min(rows, extent.height - y);
-        discard(xcb_put_image_checked(connection_, XCB_IMAGE_FORMAT_Z_PIXMAP, window_, gc_, width, uint16_t(n), 0, int16_t(y), 0, visual_.depth, n * rowBytes,
+        discard(xcb_put_image_checked(connection_, XCB_IMAGE_FORMAT_Z_PIXMAP, window_, gc_, width,
+                                      uint16_t(n), 0, int16_t(y), 0, visual_.depth, n * rowBytes,
                                       reinterpret_cast<const uint8_t*>(b.rows) + size_t(y) * rowBytes));
       }
     }
@@ -161,7 +175,7 @@ class XcbWindow final : public Window {
     size_t bytes = 0;
     xcb_shm_seg_t segment = 0;
     xcb_get_geometry_cookie_t geometry{};
-    bool pending = false;   //!< `geometry` has no answer yet
+    bool pending = false;  //!< `geometry` has no answer yet
   };
 
   static uint32_t pack(VkExtent2D e) { return e.width | e.height << 16; }
@@ -192,12 +206,14 @@ class XcbWindow final : public Window {
     return b.rows;
   }
 
-  // A file handed over the socket, not a System V segment: its number would mean another one, or none, to a server in
-  // another container.
+  // A file handed over the socket, not a System V segment: its number would mean another one, or none, to a
+  // server in another container.
   bool allocateShared(Buffer& b, size_t bytes) {
     int file = memfd_create("pumice-frame", MFD_CLOEXEC);
     if (file < 0) return shared_ = false;
-    void* address = ftruncate(file, off_t(bytes)) ? MAP_FAILED : mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    void* address = ftruncate(file, off_t(bytes))
+                        ? MAP_FAILED
+                        : mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     if (address == MAP_FAILED) {
       close(file);
       return shared_ = false;
@@ -246,11 +262,16 @@ class XcbWindow final : public Window {
 
 }  // namespace
 
-WindowState queryXcbWindow(xcb_connection_t* connection, xcb_window_t window) { return describe(connection, window).state; }
+WindowState queryXcbWindow(xcb_connection_t* connection, xcb_window_t window) {
+  return describe(connection, window).state;
+}
 
-bool xcbVisualPresentable(xcb_connection_t* connection, xcb_visualid_t visual) { return x11Visual(xcb_get_setup(connection), visual).has_value(); }
+bool xcbVisualPresentable(xcb_connection_t* connection, xcb_visualid_t visual) {
+  return x11Visual(xcb_get_setup(connection), visual).has_value();
+}
 
-std::unique_ptr<Window> openXcbWindow(xcb_connection_t* connection, xcb_window_t window, VkCompositeAlphaFlagBitsKHR alpha) {
+std::unique_ptr<Window> openXcbWindow(xcb_connection_t* connection, xcb_window_t window,
+                                      VkCompositeAlphaFlagBitsKHR alpha) {
   if (!connection || xcb_connection_has_error(connection)) return nullptr;
   Description d = describe(connection, window);
   if (!d.state.alive) return nullptr;

@@ -9,7 +9,7 @@
 namespace pumice::test {
 namespace {
 
-constexpr uint64_t kPatience = 20'000'000'000;   // ns: nothing here takes so long
+constexpr uint64_t kPatience = 20'000'000'000;  // ns: nothing here takes so long
 
 }  // namespace
 
@@ -30,18 +30,21 @@ Client::Client(const std::vector<const char*>& surfaceExtensions) {
   VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
   queueInfo.queueCount = 1;
   queueInfo.pQueuePriorities = &priority;
-  const char* deviceExtensions[] = {VK_KHR_SWAPCHAIN_EXTENSION_NAME, VK_KHR_SWAPCHAIN_MUTABLE_FORMAT_EXTENSION_NAME,
-                                    VK_KHR_IMAGE_FORMAT_LIST_EXTENSION_NAME, VK_KHR_MAINTENANCE_2_EXTENSION_NAME};
+  const char* deviceExtensions[] = {
+      VK_KHR_SWAPCHAIN_EXTENSION_NAME, VK_KHR_SWAPCHAIN_MUTABLE_FORMAT_EXTENSION_NAME,
+      VK_KHR_IMAGE_FORMAT_LIST_EXTENSION_NAME, VK_KHR_MAINTENANCE_2_EXTENSION_NAME};
   VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
   deviceInfo.queueCreateInfoCount = 1;
   deviceInfo.pQueueCreateInfos = &queueInfo;
   deviceInfo.enabledExtensionCount = std::size(deviceExtensions);
   deviceInfo.ppEnabledExtensionNames = deviceExtensions;
-  if (vkCreateDevice(physical, &deviceInfo, nullptr, &device) != VK_SUCCESS) throw std::runtime_error("no device");
+  if (vkCreateDevice(physical, &deviceInfo, nullptr, &device) != VK_SUCCESS)
+    throw std::runtime_error("no device");
   vkGetDeviceQueue(device, 0, 0, &queue);
   VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
   poolInfo.flags = VK_COMMAND_POOL_CREATE_RESET_COMMAND_BUFFER_BIT;
-  if (vkCreateCommandPool(device, &poolInfo, nullptr, &pool) != VK_SUCCESS) throw std::runtime_error("no command pool");
+  if (vkCreateCommandPool(device, &poolInfo, nullptr, &pool) != VK_SUCCESS)
+    throw std::runtime_error("no command pool");
 }
 
 Client::~Client() {
@@ -59,7 +62,8 @@ VkSurfaceCapabilitiesKHR Client::capabilities(VkSurfaceKHR surface) const {
   return c;
 }
 
-Chain::Chain(Client& c, VkSurfaceKHR surface, const ChainOptions& o, VkSwapchainKHR old) : client(c), options(o) {
+Chain::Chain(Client& c, VkSurfaceKHR surface, const ChainOptions& o, VkSwapchainKHR old)
+    : client(c), options(o) {
   VkSwapchainCreateInfoKHR info{VK_STRUCTURE_TYPE_SWAPCHAIN_CREATE_INFO_KHR};
   info.surface = surface;
   info.minImageCount = o.images;
@@ -141,7 +145,8 @@ VkResult Chain::draw(uint32_t seed, uint32_t& index, VkSemaphore& drawn) {
   Slot& slot = slots_.at(index);
   vkWaitForFences(client.device, 1, &slot.done, VK_TRUE, kPatience);
   vkResetFences(client.device, 1, &slot.done);
-  const bool redFirst = options.format == VK_FORMAT_R8G8B8A8_UNORM || options.format == VK_FORMAT_R8G8B8A8_SRGB;
+  const bool redFirst =
+      options.format == VK_FORMAT_R8G8B8A8_UNORM || options.format == VK_FORMAT_R8G8B8A8_SRGB;
   uint8_t* p = slot.pixels;
   for (uint32_t y = 0; y < options.extent.height; y++)
     for (uint32_t x = 0; x < options.extent.width; x++, p += 4) {
@@ -160,18 +165,19 @@ VkResult Chain::draw(uint32_t seed, uint32_t& index, VkSemaphore& drawn) {
   barrier.newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
   barrier.image = images[index];
   barrier.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
-  vkCmdPipelineBarrier(slot.commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 0, nullptr, 0, nullptr, 1,
-                       &barrier);
+  vkCmdPipelineBarrier(slot.commands, VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT, VK_PIPELINE_STAGE_TRANSFER_BIT, 0, 0,
+                       nullptr, 0, nullptr, 1, &barrier);
   VkBufferImageCopy copy{};
   copy.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
   copy.imageExtent = {options.extent.width, options.extent.height, 1};
-  vkCmdCopyBufferToImage(slot.commands, slot.buffer, images[index], VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &copy);
+  vkCmdCopyBufferToImage(slot.commands, slot.buffer, images[index], VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1,
+                         &copy);
   barrier.srcAccessMask = VK_ACCESS_TRANSFER_WRITE_BIT;
   barrier.dstAccessMask = 0;
   barrier.oldLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
   barrier.newLayout = VK_IMAGE_LAYOUT_PRESENT_SRC_KHR;
-  vkCmdPipelineBarrier(slot.commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, 0, 0, nullptr, 0, nullptr, 1,
-                       &barrier);
+  vkCmdPipelineBarrier(slot.commands, VK_PIPELINE_STAGE_TRANSFER_BIT, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, 0,
+                       0, nullptr, 0, nullptr, 1, &barrier);
   vkEndCommandBuffer(slot.commands);
   VkSubmitInfo submit{VK_STRUCTURE_TYPE_SUBMIT_INFO};
   submit.commandBufferCount = 1;

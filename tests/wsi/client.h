@@ -1,4 +1,5 @@
-// A Vulkan program in miniature: a device, and swapchains whose images are filled with a pattern and presented.
+// A Vulkan program in miniature: a device, and swapchains whose images are filled with a pattern and
+// presented.
 #pragma once
 
 #include <vulkan/vulkan.h>
@@ -38,13 +39,14 @@ struct ChainOptions {
   VkExtent2D extent{64, 48};
   uint32_t images = 2;
   VkCompositeAlphaFlagBitsKHR alpha = VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR;
-  uint8_t alphaByte = 0;                           //!< of every pixel
-  VkFormat viewFormat = VK_FORMAT_UNDEFINED;       //!< views may have this one too
+  uint8_t alphaByte = 0;                      //!< of every pixel
+  VkFormat viewFormat = VK_FORMAT_UNDEFINED;  //!< views may have this one too
 };
 
 class Chain {
  public:
-  Chain(Client& client, VkSurfaceKHR surface, const ChainOptions& options, VkSwapchainKHR old = VK_NULL_HANDLE);
+  Chain(Client& client, VkSurfaceKHR surface, const ChainOptions& options,
+        VkSwapchainKHR old = VK_NULL_HANDLE);
   ~Chain();
   Chain(const Chain&) = delete;
 
@@ -70,7 +72,7 @@ class Chain {
     VkDeviceMemory memory = VK_NULL_HANDLE;
     uint8_t* pixels = nullptr;
   };
-  std::vector<Slot> slots_;   //!< one per image
+  std::vector<Slot> slots_;  //!< one per image
   VkFence acquired_ = VK_NULL_HANDLE;
 };
 

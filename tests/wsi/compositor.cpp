@@ -29,7 +29,9 @@ struct Compositor::Requests {
       destroy,
       [](wl_client*, wl_resource* r, wl_resource* buffer, int32_t, int32_t) { of(r).attached = buffer; },
       rectangle,
-      [](wl_client* client, wl_resource* r, uint32_t id) { of(r).frames.push_back(wl_resource_create(client, &wl_callback_interface, 1, id)); },
+      [](wl_client* client, wl_resource* r, uint32_t id) {
+        of(r).frames.push_back(wl_resource_create(client, &wl_callback_interface, 1, id));
+      },
       region,
       region,
       [](wl_client*, wl_resource* r) { of(r).compositor->commit(of(r)); },
@@ -41,15 +43,17 @@ struct Compositor::Requests {
       [](wl_client* client, wl_resource* r, uint32_t id) {
         auto* surface = new Surface;
         surface->compositor = static_cast<Compositor*>(wl_resource_get_user_data(r));
-        wl_resource_set_implementation(wl_resource_create(client, &wl_surface_interface, 4, id), &kSurface, surface,
-                                       [](wl_resource* gone) { delete &of(gone); });
+        wl_resource_set_implementation(wl_resource_create(client, &wl_surface_interface, 4, id), &kSurface,
+                                       surface, [](wl_resource* gone) { delete &of(gone); });
       },
       [](wl_client* client, wl_resource*, uint32_t id) {
-        wl_resource_set_implementation(wl_resource_create(client, &wl_region_interface, 1, id), &kRegion, nullptr, nullptr);
+        wl_resource_set_implementation(wl_resource_create(client, &wl_region_interface, 1, id), &kRegion,
+                                       nullptr, nullptr);
       }};
 
   static void bind(wl_client* client, void* data, uint32_t version, uint32_t id) {
-    wl_resource_set_implementation(wl_resource_create(client, &wl_compositor_interface, int(version), id), &kCompositor, data, nullptr);
+    wl_resource_set_implementation(wl_resource_create(client, &wl_compositor_interface, int(version), id),
+                                   &kCompositor, data, nullptr);
   }
 };
 
@@ -66,7 +70,8 @@ Commit contents(wl_resource* buffer) {
   wl_shm_buffer_begin_access(shm);
   auto* rows = static_cast<const std::byte*>(wl_shm_buffer_get_data(shm));
   for (uint32_t y = 0; y < c.height; y++)
-    std::memcpy(&c.pixels[size_t(y) * c.width], rows + size_t(y) * size_t(wl_shm_buffer_get_stride(shm)), size_t(c.width) * 4);
+    std::memcpy(&c.pixels[size_t(y) * c.width], rows + size_t(y) * size_t(wl_shm_buffer_get_stride(shm)),
+                size_t(c.width) * 4);
   wl_shm_buffer_end_access(shm);
   return c;
 }

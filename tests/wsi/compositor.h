@@ -1,4 +1,5 @@
-// A Wayland compositor of a few lines, in a thread: it keeps what each commit showed and answers when it is told to.
+// A Wayland compositor of a few lines, in a thread: it keeps what each commit showed and answers when it is
+// told to.
 #pragma once
 
 #include <wayland-server.h>
@@ -12,7 +13,7 @@
 namespace pumice::test {
 
 struct Commit {
-  uint32_t width = 0, height = 0, format = 0;   //!< format: wl_shm's
+  uint32_t width = 0, height = 0, format = 0;  //!< format: wl_shm's
   std::vector<uint32_t> pixels;
 };
 
@@ -20,8 +21,8 @@ class Compositor {
  public:
   //! What it does not do by itself at every commit.
   struct Manners {
-    bool answerFrames = true;     //!< frame callbacks, at once; false: never (a hidden window)
-    bool releaseBuffers = true;   //!< at once; false: when the next but one is there
+    bool answerFrames = true;    //!< frame callbacks, at once; false: never (a hidden window)
+    bool releaseBuffers = true;  //!< at once; false: when the next but one is there
   };
   explicit Compositor(Manners manners);
   ~Compositor() { stop(); }
@@ -49,7 +50,7 @@ class Compositor {
   wl_display* display_ = nullptr;
   wl_client* client_ = nullptr;
   int wake_ = -1;
-  bool stop_ = false;           // this and the rest: under the mutex
+  bool stop_ = false;  // this and the rest: under the mutex
   uint32_t framesToAnswer_ = 0;
   bool torn_ = false;
   std::vector<Commit> commits_;

@@ -10,7 +10,9 @@ TEST(HeadlessSurface, TakesFramesOfAnySizeInEveryMode) {
   Client client({VK_EXT_HEADLESS_SURFACE_EXTENSION_NAME});
   VkHeadlessSurfaceCreateInfoEXT info{VK_STRUCTURE_TYPE_HEADLESS_SURFACE_CREATE_INFO_EXT};
   VkSurfaceKHR surface = VK_NULL_HANDLE;
-  ASSERT_EQ(client.function<PFN_vkCreateHeadlessSurfaceEXT>("vkCreateHeadlessSurfaceEXT")(client.instance, &info, nullptr, &surface), VK_SUCCESS);
+  ASSERT_EQ(client.function<PFN_vkCreateHeadlessSurfaceEXT>("vkCreateHeadlessSurfaceEXT")(
+                client.instance, &info, nullptr, &surface),
+            VK_SUCCESS);
   VkSurfaceCapabilitiesKHR c = client.capabilities(surface);
   EXPECT_EQ(c.currentExtent.width, ~0u);
   EXPECT_EQ(c.currentExtent.height, ~0u);

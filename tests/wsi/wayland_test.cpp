@@ -18,12 +18,14 @@ using Clock = std::chrono::steady_clock;
 
 //! A program's own side: its display, its surface, and Vulkan's surface on it.
 struct WaylandProgram {
-  explicit WaylandProgram(Compositor& compositor) : display(wl_display_connect_to_fd(compositor.clientFile())) {
+  explicit WaylandProgram(Compositor& compositor)
+      : display(wl_display_connect_to_fd(compositor.clientFile())) {
     registry = wl_display_get_registry(display);
     static const wl_registry_listener kListener = {
         [](void* data, wl_registry* r, uint32_t name, const char* interface, uint32_t) {
           if (!std::strcmp(interface, "wl_compositor"))
-            static_cast<WaylandProgram*>(data)->compositor = static_cast<wl_compositor*>(wl_registry_bind(r, name, &wl_compositor_interface, 4));
+            static_cast<WaylandProgram*>(data)->compositor =
+                static_cast<wl_compositor*>(wl_registry_bind(r, name, &wl_compositor_interface, 4));
         },
         [](void*, wl_registry*, uint32_t) {}};
     wl_registry_add_listener(registry, &kListener, this);
@@ -32,7 +34,9 @@ struct WaylandProgram {
     VkWaylandSurfaceCreateInfoKHR info{VK_STRUCTURE_TYPE_WAYLAND_SURFACE_CREATE_INFO_KHR};
     info.display = display;
     info.surface = surface;
-    EXPECT_EQ(client.function<PFN_vkCreateWaylandSurfaceKHR>("vkCreateWaylandSurfaceKHR")(client.instance, &info, nullptr, &vulkan), VK_SUCCESS);
+    EXPECT_EQ(client.function<PFN_vkCreateWaylandSurfaceKHR>("vkCreateWaylandSurfaceKHR")(
+                  client.instance, &info, nullptr, &vulkan),
+              VK_SUCCESS);
   }
   ~WaylandProgram() {
     vkDestroySurfaceKHR(client.instance, vulkan, nullptr);
@@ -53,7 +57,8 @@ int wrongPixels(const Commit& commit, VkExtent2D extent, uint32_t seed) {
   if (commit.width != extent.width || commit.height != extent.height) return -1;
   int wrong = 0;
   for (uint32_t y = 0; y < extent.height; y++)
-    for (uint32_t x = 0; x < extent.width; x++) wrong += (commit.pixels[size_t(y) * extent.width + x] & 0xffffff) != patternColor(x, y, seed);
+    for (uint32_t x = 0; x < extent.width; x++)
+      wrong += (commit.pixels[size_t(y) * extent.width + x] & 0xffffff) != patternColor(x, y, seed);
   return wrong;
 }
 
@@ -65,15 +70,18 @@ TEST(WaylandSurface, CompositorGetsExactlyWhatWasPresented) {
   uint32_t seed = 0;
   std::unique_ptr<Chain> chain;
   for (VkFormat format : {VK_FORMAT_B8G8R8A8_UNORM, VK_FORMAT_R8G8B8A8_SRGB})
-    for (VkPresentModeKHR mode : {VK_PRESENT_MODE_FIFO_KHR, VK_PRESENT_MODE_MAILBOX_KHR, VK_PRESENT_MODE_IMMEDIATE_KHR})
+    for (VkPresentModeKHR mode :
+         {VK_PRESENT_MODE_FIFO_KHR, VK_PRESENT_MODE_MAILBOX_KHR, VK_PRESENT_MODE_IMMEDIATE_KHR})
       for (VkExtent2D extent : {VkExtent2D{1, 1}, {123, 77}, {300, 200}}) {
-        SCOPED_TRACE(testing::Message() << "format " << format << " mode " << mode << " " << extent.width << "x" << extent.height);
+        SCOPED_TRACE(testing::Message() << "format " << format << " mode " << mode << " " << extent.width
+                                        << "x" << extent.height);
         ChainOptions options;
         options.format = format;
         options.mode = mode;
         options.extent = extent;
         // Sizes change by a new swapchain for the old one.
-        chain = std::make_unique<Chain>(program.client, program.vulkan, options, chain ? chain->handle : VK_NULL_HANDLE);
+        chain = std::make_unique<Chain>(program.client, program.vulkan, options,
+                                        chain ? chain->handle : VK_NULL_HANDLE);
         ASSERT_EQ(chain->created, VK_SUCCESS);
         for (int frame = 0; frame < 6; frame++) {
           ASSERT_EQ(chain->show(++seed), VK_SUCCESS);
@@ -85,7 +93,8 @@ TEST(WaylandSurface, CompositorGetsExactlyWhatWasPresented) {
 TEST(WaylandSurface, AlphaIsShownOnlyIfAskedFor) {
   Compositor compositor({});
   WaylandProgram program(compositor);
-  EXPECT_TRUE(program.client.capabilities(program.vulkan).supportedCompositeAlpha & VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR);
+  EXPECT_TRUE(program.client.capabilities(program.vulkan).supportedCompositeAlpha &
+              VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR);
   ChainOptions options;
   options.alphaByte = 0x40;
   {

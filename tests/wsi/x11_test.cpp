@@ -23,9 +23,12 @@ namespace {
 using Library = XWindow::Library;
 using Clock = std::chrono::steady_clock;
 
-constexpr VkPresentModeKHR kModes[] = {VK_PRESENT_MODE_FIFO_KHR, VK_PRESENT_MODE_MAILBOX_KHR, VK_PRESENT_MODE_IMMEDIATE_KHR};
+constexpr VkPresentModeKHR kModes[] = {VK_PRESENT_MODE_FIFO_KHR, VK_PRESENT_MODE_MAILBOX_KHR,
+                                       VK_PRESENT_MODE_IMMEDIATE_KHR};
 
-std::vector<const char*> xExtensions() { return {VK_KHR_XCB_SURFACE_EXTENSION_NAME, VK_KHR_XLIB_SURFACE_EXTENSION_NAME}; }
+std::vector<const char*> xExtensions() {
+  return {VK_KHR_XCB_SURFACE_EXTENSION_NAME, VK_KHR_XLIB_SURFACE_EXTENSION_NAME};
+}
 
 struct XSurface {
   XSurface(Client& c, const XWindow& window) : client(c) {
@@ -33,12 +36,16 @@ struct XSurface {
       VkXlibSurfaceCreateInfoKHR info{VK_STRUCTURE_TYPE_XLIB_SURFACE_CREATE_INFO_KHR};
       info.dpy = window.xlib;
       info.window = window.window;
-      EXPECT_EQ(c.function<PFN_vkCreateXlibSurfaceKHR>("vkCreateXlibSurfaceKHR")(c.instance, &info, nullptr, &handle), VK_SUCCESS);
+      EXPECT_EQ(c.function<PFN_vkCreateXlibSurfaceKHR>("vkCreateXlibSurfaceKHR")(c.instance, &info, nullptr,
+                                                                                 &handle),
+                VK_SUCCESS);
     } else {
       VkXcbSurfaceCreateInfoKHR info{VK_STRUCTURE_TYPE_XCB_SURFACE_CREATE_INFO_KHR};
       info.connection = window.connection;
       info.window = window.window;
-      EXPECT_EQ(c.function<PFN_vkCreateXcbSurfaceKHR>("vkCreateXcbSurfaceKHR")(c.instance, &info, nullptr, &handle), VK_SUCCESS);
+      EXPECT_EQ(
+          c.function<PFN_vkCreateXcbSurfaceKHR>("vkCreateXcbSurfaceKHR")(c.instance, &info, nullptr, &handle),
+          VK_SUCCESS);
     }
   }
   ~XSurface() { vkDestroySurfaceKHR(client.instance, handle, nullptr); }
@@ -56,7 +63,8 @@ int wrongPixels(const std::vector<uint32_t>& pixels, uint32_t width, uint32_t he
   if (pixels.size() != size_t(width) * height) return -1;
   int wrong = 0;
   for (uint32_t y = 0; y < height; y++)
-    for (uint32_t x = 0; x < width; x++) wrong += (pixels[size_t(y) * width + x] & 0xffffff) != patternColor(x, y, seed);
+    for (uint32_t x = 0; x < width; x++)
+      wrong += (pixels[size_t(y) * width + x] & 0xffffff) != patternColor(x, y, seed);
   return wrong;
 }
 
@@ -89,10 +97,12 @@ TEST_P(X11, WindowShowsExactlyWhatWasPresented) {
   Client client(xExtensions());
   XObserver observer(*server_);
   uint32_t seed = 0;
-  for (VkFormat format : {VK_FORMAT_B8G8R8A8_UNORM, VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_B8G8R8A8_SRGB, VK_FORMAT_R8G8B8A8_SRGB})
+  for (VkFormat format :
+       {VK_FORMAT_B8G8R8A8_UNORM, VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_B8G8R8A8_SRGB, VK_FORMAT_R8G8B8A8_SRGB})
     for (VkPresentModeKHR mode : kModes)
       for (VkExtent2D extent : {VkExtent2D{1, 1}, {123, 77}, {256, 300}}) {
-        SCOPED_TRACE(testing::Message() << "format " << format << " mode " << mode << " " << extent.width << "x" << extent.height);
+        SCOPED_TRACE(testing::Message() << "format " << format << " mode " << mode << " " << extent.width
+                                        << "x" << extent.height);
         XWindow window(*server_, library(), extent.width, extent.height);
         XSurface surface(client, window);
         EXPECT_TRUE(surface.supported());
@@ -108,7 +118,9 @@ TEST_P(X11, WindowShowsExactlyWhatWasPresented) {
         EXPECT_GE(chain.images.size(), mode == VK_PRESENT_MODE_MAILBOX_KHR ? 3u : 2u);
         for (int frame = 0; frame < 3; frame++) {
           ASSERT_EQ(showNow(chain, window, ++seed), VK_SUCCESS);
-          EXPECT_EQ(wrongPixels(observer.read(window.window, extent.width, extent.height), extent.width, extent.height, seed), 0);
+          EXPECT_EQ(wrongPixels(observer.read(window.window, extent.width, extent.height), extent.width,
+                                extent.height, seed),
+                    0);
         }
       }
 }
@@ -120,7 +132,8 @@ TEST_P(X11, MemoryIsSharedWithTheServerWhereItCanBe) {
   auto frames = [](const std::string& process) {
     std::ifstream maps("/proc/" + process + "/maps");
     int count = 0;
-    for (std::string line; std::getline(maps, line);) count += line.find("memfd:pumice-frame") != std::string::npos;
+    for (std::string line; std::getline(maps, line);)
+      count += line.find("memfd:pumice-frame") != std::string::npos;
     return count;
   };
   const std::string server = std::to_string(server_->process());
@@ -173,18 +186,22 @@ TEST_P(X11, ResizedWindowIsSuboptimalUntilTheSwapchainIsMadeAnew) {
     EXPECT_TRUE(window.noErrors());
     EXPECT_EQ(showNow(*chain, window, ++seed), VK_SUBOPTIMAL_KHR);
     // Still shown, as far as it goes.
-    VkExtent2D both = {std::min(extent.width, options.extent.width), std::min(extent.height, options.extent.height)};
-    EXPECT_EQ(wrongPixels(observer.read(window.window, both.width, both.height), both.width, both.height, seed), 0);
+    VkExtent2D both = {std::min(extent.width, options.extent.width),
+                       std::min(extent.height, options.extent.height)};
+    EXPECT_EQ(
+        wrongPixels(observer.read(window.window, both.width, both.height), both.width, both.height, seed), 0);
     EXPECT_EQ(client.capabilities(surface.handle).currentExtent.width, extent.width);
     options.extent = extent;
     auto next = std::make_unique<Chain>(client, surface.handle, options, chain->handle);
     ASSERT_EQ(next->created, VK_SUCCESS);
     uint32_t index;
-    EXPECT_EQ(chain->acquire(0, index), VK_ERROR_OUT_OF_DATE_KHR);   // retired
+    EXPECT_EQ(chain->acquire(0, index), VK_ERROR_OUT_OF_DATE_KHR);  // retired
     chain = std::move(next);
     for (int frame = 0; frame < 3; frame++) {
       EXPECT_EQ(showNow(*chain, window, ++seed), VK_SUCCESS);
-      EXPECT_EQ(wrongPixels(observer.read(window.window, extent.width, extent.height), extent.width, extent.height, seed), 0);
+      EXPECT_EQ(wrongPixels(observer.read(window.window, extent.width, extent.height), extent.width,
+                            extent.height, seed),
+                0);
     }
   }
 }
@@ -225,7 +242,8 @@ TEST_P(X11, DestroyedWindowIsALostSurfaceAndNothingWorse) {
     uint32_t index;
     EXPECT_EQ(chain.acquire(0, index), VK_ERROR_SURFACE_LOST_KHR);
     VkSurfaceCapabilitiesKHR c;
-    EXPECT_EQ(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(client.physical, surface.handle, &c), VK_ERROR_SURFACE_LOST_KHR);
+    EXPECT_EQ(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(client.physical, surface.handle, &c),
+              VK_ERROR_SURFACE_LOST_KHR);
     EXPECT_EQ(Chain(client, surface.handle, options).created, VK_ERROR_SURFACE_LOST_KHR);
     EXPECT_TRUE(window.noErrors());
   }
@@ -265,7 +283,7 @@ TEST_P(X11, SwapchainsComeAndGoWithoutLeavingAnything) {
     Chain chain(client, surface.handle, ChainOptions{});
     uint32_t index;
     for (uint32_t seed = 0; seed < 3; seed++) EXPECT_EQ(chain.show(seed), VK_SUCCESS);
-    EXPECT_EQ(chain.acquire(1'000'000'000, index), VK_SUCCESS);   // never presented
+    EXPECT_EQ(chain.acquire(1'000'000'000, index), VK_SUCCESS);  // never presented
   };
   cycle();
   auto before = files();
@@ -275,9 +293,11 @@ TEST_P(X11, SwapchainsComeAndGoWithoutLeavingAnything) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Ways, X11,
-                         testing::Values(Way{Library::Xcb, true}, Way{Library::Xcb, false}, Way{Library::Xlib, true}, Way{Library::Xlib, false}),
+                         testing::Values(Way{Library::Xcb, true}, Way{Library::Xcb, false},
+                                         Way{Library::Xlib, true}, Way{Library::Xlib, false}),
                          [](const auto& info) {
-                           return std::string(info.param.library == Library::Xcb ? "Xcb" : "Xlib") + (info.param.sharedMemory ? "Shm" : "Put");
+                           return std::string(info.param.library == Library::Xcb ? "Xcb" : "Xlib") +
+                                  (info.param.sharedMemory ? "Shm" : "Put");
                          });
 
 TEST(X11Swapchain, AcquiringBeyondWhatIsFreeWaitsAsLongAsAsked) {
@@ -353,7 +373,7 @@ TEST(X11Visual, SixteenBitsPerPixelAreConverted) {
   ASSERT_TRUE(server.running());
   Client client(xExtensions());
   XObserver observer(server);
-  XWindow window(server, Library::Xcb, 63, 48);   // rows are padded
+  XWindow window(server, Library::Xcb, 63, 48);  // rows are padded
   XSurface surface(client, window);
   EXPECT_TRUE(surface.supported());
   ChainOptions options;
@@ -366,7 +386,9 @@ TEST(X11Visual, SixteenBitsPerPixelAreConverted) {
   for (uint32_t y = 0; y < 48; y++)
     for (uint32_t x = 0; x < 63; x++) {
       uint32_t c = patternColor(x, y, 3);
-      ASSERT_EQ(pixels[y * 63 + x], nearest(c >> 16, 31) << 11 | nearest(c >> 8 & 255, 63) << 5 | nearest(c & 255, 31)) << x << " " << y;
+      ASSERT_EQ(pixels[y * 63 + x],
+                nearest(c >> 16, 31) << 11 | nearest(c >> 8 & 255, 63) << 5 | nearest(c & 255, 31))
+          << x << " " << y;
     }
 }
 
@@ -395,7 +417,8 @@ TEST(X11Visual, ThirtyBitsPerPixelAreConverted) {
   for (uint32_t y = 0; y < 48; y++)
     for (uint32_t x = 0; x < 63; x++) {
       uint32_t c = patternColor(x, y, 3), high = redHigh ? c >> 16 : c, low = redHigh ? c : c >> 16;
-      ASSERT_EQ(pixels[y * 63 + x] & 0x3fffffff, ten(high) << 20 | ten(c >> 8) << 10 | ten(low)) << x << " " << y;
+      ASSERT_EQ(pixels[y * 63 + x] & 0x3fffffff, ten(high) << 20 | ten(c >> 8) << 10 | ten(low))
+          << x << " " << y;
     }
 }
 
@@ -404,7 +427,8 @@ TEST(X11Visual, PalettesAreNotSupportedAndSaidSo) {
   ASSERT_TRUE(server.running());
   Client client(xExtensions());
   XWindow window(server, Library::Xcb, 64, 48);
-  auto supports = client.function<PFN_vkGetPhysicalDeviceXcbPresentationSupportKHR>("vkGetPhysicalDeviceXcbPresentationSupportKHR");
+  auto supports = client.function<PFN_vkGetPhysicalDeviceXcbPresentationSupportKHR>(
+      "vkGetPhysicalDeviceXcbPresentationSupportKHR");
   EXPECT_FALSE(supports(client.physical, 0, window.connection, window.visual));
   XSurface surface(client, window);
   EXPECT_FALSE(surface.supported());
@@ -418,7 +442,8 @@ TEST(X11Visual, AlphaOfATranslucentWindowIsKeptOnlyIfAskedFor) {
   XWindow window(server, Library::Xcb, 64, 48, 32);
   ASSERT_TRUE(window.window) << "no visual of depth 32";
   XSurface surface(client, window);
-  EXPECT_TRUE(client.capabilities(surface.handle).supportedCompositeAlpha & VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR);
+  EXPECT_TRUE(client.capabilities(surface.handle).supportedCompositeAlpha &
+              VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR);
   for (auto alpha : {VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR, VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR}) {
     ChainOptions options;
     options.alpha = alpha;
@@ -427,7 +452,8 @@ TEST(X11Visual, AlphaOfATranslucentWindowIsKeptOnlyIfAskedFor) {
     ASSERT_EQ(showNow(chain, window, 3), VK_SUCCESS);
     auto pixels = observer.read(window.window, 64, 48);
     EXPECT_EQ(wrongPixels(pixels, 64, 48, 3), 0);
-    for (uint32_t pixel : pixels) ASSERT_EQ(pixel >> 24, alpha == VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR ? 0xffu : 0x40u);
+    for (uint32_t pixel : pixels)
+      ASSERT_EQ(pixel >> 24, alpha == VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR ? 0xffu : 0x40u);
   }
 }
 
@@ -507,7 +533,7 @@ TEST(X11Swapchain, ImagesMayBeDrawnThroughViewsOfAnotherFormat) {
   EXPECT_TRUE(window.noErrors());
   auto pixels = observer.read(window.window, 64, 48);
   ASSERT_EQ(pixels.size(), 64u * 48);
-  for (uint32_t pixel : pixels) ASSERT_EQ(pixel & 0xffffff, 0xbc00ffu);   // a half in sRGB is 188
+  for (uint32_t pixel : pixels) ASSERT_EQ(pixel & 0xffffff, 0xbc00ffu);  // a half in sRGB is 188
   vkDestroyFramebuffer(client.device, framebuffer, nullptr);
   vkDestroyRenderPass(client.device, pass, nullptr);
   vkDestroyImageView(client.device, view, nullptr);

@@ -17,7 +17,8 @@ XServer::XServer(const std::string& depth, const std::vector<std::string>& argum
   int ends[2];
   if (pipe(ends)) return;
   const std::string screen = "400x300x" + depth, end = std::to_string(ends[1]);
-  std::vector<const char*> words = {"Xvfb", "-displayfd", end.c_str(), "-noreset", "-nolisten", "tcp", "-screen", "0", screen.c_str()};
+  std::vector<const char*> words = {"Xvfb", "-displayfd", end.c_str(), "-noreset",    "-nolisten",
+                                    "tcp",  "-screen",    "0",         screen.c_str()};
   for (const std::string& a : arguments) words.push_back(a.c_str());
   words.push_back(nullptr);
   process_ = fork();
@@ -50,13 +51,19 @@ XServer::~XServer() {
 XObserver::XObserver(const XServer& server) : connection_(xcb_connect(server.display.c_str(), nullptr)) {}
 XObserver::~XObserver() { xcb_disconnect(connection_); }
 
-void XObserver::sync() { std::free(xcb_get_input_focus_reply(connection_, xcb_get_input_focus(connection_), nullptr)); }
+void XObserver::sync() {
+  std::free(xcb_get_input_focus_reply(connection_, xcb_get_input_focus(connection_), nullptr));
+}
 
 std::vector<uint32_t> XObserver::read(xcb_window_t window, uint32_t width, uint32_t height) {
   std::vector<uint32_t> pixels;
-  auto cookie = xcb_get_image(connection_, XCB_IMAGE_FORMAT_Z_PIXMAP, window, 0, 0, uint16_t(width), uint16_t(height), ~0u);
+  auto cookie = xcb_get_image(connection_, XCB_IMAGE_FORMAT_Z_PIXMAP, window, 0, 0, uint16_t(width),
+                              uint16_t(height), ~0u);
   if (auto* reply = xcb_get_image_reply(connection_, cookie, nullptr)) {
-    const uint32_t bytes = reply->depth > 16 ? 4 : reply->depth > 8 ? 2 : 1, pitch = (width * bytes + 3) / 4 * 4;
+    const uint32_t bytes = reply->depth > 16  ? 4
+                           : reply->depth > 8 ? 2
+                                              : 1,
+                   pitch = (width * bytes + 3) / 4 * 4;
     const uint8_t* data = xcb_get_image_data(reply);
     for (uint32_t y = 0; y < height; y++)
       for (uint32_t x = 0; x < width; x++) {
@@ -91,7 +98,8 @@ XWindow::XWindow(const XServer& server, Library l, uint32_t width, uint32_t heig
   xcb_screen_t* screen = xcb_setup_roots_iterator(xcb_get_setup(connection)).data;
   if (!depth) depth = screen->root_depth;
   for (auto d = xcb_screen_allowed_depths_iterator(screen); d.rem; xcb_depth_next(&d))
-    if (d.data->depth == depth && xcb_depth_visuals_length(d.data) > 0) visual = xcb_depth_visuals(d.data)[0].visual_id;
+    if (d.data->depth == depth && xcb_depth_visuals_length(d.data) > 0)
+      visual = xcb_depth_visuals(d.data)[0].visual_id;
   if (depth == screen->root_depth) visual = screen->root_visual;
   if (!visual) return;
   xcb_colormap_t map = xcb_generate_id(connection);
@@ -99,7 +107,8 @@ XWindow::XWindow(const XServer& server, Library l, uint32_t width, uint32_t heig
   // No background: what is seen was put there, and stays when the window shrinks.
   const uint32_t values[] = {0, XCB_EVENT_MASK_STRUCTURE_NOTIFY, map};
   window = xcb_generate_id(connection);
-  xcb_create_window(connection, depth, window, screen->root, x, 0, uint16_t(width), uint16_t(height), 0, XCB_WINDOW_CLASS_INPUT_OUTPUT, visual,
+  xcb_create_window(connection, depth, window, screen->root, x, 0, uint16_t(width), uint16_t(height), 0,
+                    XCB_WINDOW_CLASS_INPUT_OUTPUT, visual,
                     XCB_CW_BORDER_PIXEL | XCB_CW_EVENT_MASK | XCB_CW_COLORMAP, values);
   xcb_map_window(connection, window);
   std::free(xcb_get_input_focus_reply(connection, xcb_get_input_focus(connection), nullptr));

@@ -24,7 +24,7 @@ class XServer {
   XServer(const XServer&) = delete;
   bool running() const { return !display.empty(); }
   pid_t process() const { return process_; }
-  std::string display;   //!< ":7"
+  std::string display;  //!< ":7"
 
  private:
   pid_t process_ = -1;
@@ -51,7 +51,8 @@ class XObserver {
 struct XWindow {
   enum class Library { Xcb, Xlib };
   //! depth 0: that of the root. x: where it is on the screen (windows that overlap hide each other's pixels).
-  XWindow(const XServer& server, Library library, uint32_t width, uint32_t height, uint8_t depth = 0, int16_t x = 0);
+  XWindow(const XServer& server, Library library, uint32_t width, uint32_t height, uint8_t depth = 0,
+          int16_t x = 0);
   ~XWindow();
   XWindow(const XWindow&) = delete;
   //! Reads all events; false when one of them is an error. (Under Xlib an error has ended the process.)
