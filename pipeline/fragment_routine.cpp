@@ -72,8 +72,8 @@ class FragmentExpander : public StageExpander {
     if (shader_.mayDiscard) killed_ = b.var(Type::Mask);
   }
   //! Interpolates at the start of the shader, where every lane that runs it is active.
-  void begin(ir::Builder& b, Value x, Value y, Value covered, Value centreDepth, Value coverage) {
-    x_ = x, y_ = y, covered_ = covered, centreDepth_ = centreDepth, coverage_ = coverage;
+  void begin(ir::Builder& b, Value x, Value y, Value covered, Value centreDepth, Value coverage, Value rasterized) {
+    x_ = x, y_ = y, covered_ = covered, centreDepth_ = centreDepth, coverage_ = coverage, rasterized_ = rasterized;
     for (uint32_t i = 0; i < pipeline_.link.varyings.size(); ++i) values_.push_back(interpolate(b, i, x, y));
   }
 
@@ -92,8 +92,13 @@ class FragmentExpander : public StageExpander {
     auto it = pipeline_.link.varyingOf.find(uint64_t(variable) << 32 | component);
     if (it == pipeline_.link.varyingOf.end()) return b.zero(type);
     Value v = values_[it->second];
-    if (operands.size() == 2 && pipeline_.link.varyings[it->second].mode != raster::VaryingMode::Flat)   // interpolateAtOffset
+    if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat) return toType(b, type, v);
+    if (operands.size() == 2)   // interpolateAtOffset
       v = interpolate(b, it->second, b.fadd(x_, operands[0]), b.fadd(y_, operands[1]));
+    else if (operands.size() == 1 && pipeline_.state.samples > 1)   // interpolateAtSample
+      v = interpolateAtSample(b, it->second, [&](uint32_t s) { return b.ieq(operands[0], b.i32(s)); });
+    else if (shader_.inputs[variable].sampling == frontend::SampleLocation::Centroid && pipeline_.state.samples > 1)
+      v = interpolateAtSample(b, it->second, [&](uint32_t s) { return centroidSample(b, s); });
     return toType(b, type, v);
   }
 
@@ -137,6 +142,23 @@ class FragmentExpander : public StageExpander {
 
  private:
   Value interpolate(ir::Builder& b, uint32_t varying, Value x, Value y);
+  //! At the location of the first sample that chosen(sample) picks, or at the pixel's centre.
+  template <typename Chosen>
+  Value interpolateAtSample(ir::Builder& b, uint32_t varying, Chosen&& chosen) {
+    const auto locations = raster::sampleLocations(pipeline_.state.samples);
+    Value dx = b.f32(0), dy = b.f32(0);
+    for (uint32_t s = uint32_t(locations.size()); s-- > 0;) {
+      const Value here = chosen(s);
+      dx = b.select(here, b.f32(float(locations[s][0]) / 16.f - 0.5f), dx);
+      dy = b.select(here, b.f32(float(locations[s][1]) / 16.f - 0.5f), dy);
+    }
+    return interpolate(b, varying, b.fadd(x_, dx), b.fadd(y_, dy));
+  }
+  //! A pixel that is covered whole is shaded at its centre, another at its first covered sample.
+  Value centroidSample(ir::Builder& b, uint32_t sample) {
+    const uint32_t all = (1u << pipeline_.state.samples) - 1;
+    return b.maskAnd(b.ine(b.and_(rasterized_, b.i32(1u << sample)), b.i32(0)), b.ine(rasterized_, b.i32(all)));
+  }
   Value builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t component);
 
   const GraphicsPipeline& pipeline_;
@@ -144,6 +166,7 @@ class FragmentExpander : public StageExpander {
   std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
   Value depth_ = 0, sampleMask_ = 0, killed_ = 0;
   Value x_ = 0, y_ = 0, covered_ = 0, centreDepth_ = 0, coverage_ = 0;
+  Value rasterized_ = 0;   // coverage before the sample mask: what centroid is made of
   std::vector<Value> values_;
 };
 
@@ -213,7 +236,8 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   if (shader) expander.declare(b);
 
   const Value x = b.input(Type::F32, kSlotX), y = b.input(Type::F32, kSlotY);
-  Value coverage = b.input(Type::I32, kSlotCoverage);
+  const Value rasterized = b.input(Type::I32, kSlotCoverage);
+  Value coverage = rasterized;
   const uint32_t samples = state.samples, allSamples = samples >= 32 ? ~0u : (1u << samples) - 1;
   const bool masked = (state.sampleMask & allSamples) != allSamples;
   if (masked) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
@@ -239,7 +263,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const Value run = any && t.needsHelpers ? quadAny(b, any) : any;
   if (run) b.beginIf(run);
   if (shader) {
-    expander.begin(b, x, y, any, clampDepth(b, state, evaluatePlane(b, kPlaneDepth, x, y), false), coverage);
+    expander.begin(b, x, y, any, clampDepth(b, state, evaluatePlane(b, kPlaneDepth, x, y), false), coverage, rasterized);
     if (t.guarded) ir::inlineShader(b, guardEffects(shader->function), expander);
     else ir::inlineShader(b, shader->function, expander);
   }

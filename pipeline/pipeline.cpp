@@ -78,11 +78,8 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   PUMICE_TRY(checkState(p->state));
   PUMICE_TRY(checkVertexInput(p->state, *p->vertex));
   if (auto r = checkResources(*p->vertex, *p->layout); !r) return in("vertex", std::move(r));
-  if (p->fragment && p->state.samples > 1) {
-    if (p->fragment->usesSampleRate || p->state.sampleShading) return base::errorf("fragment stage: shading per sample is not supported yet");
-    for (const auto& v : p->fragment->inputs)
-      if (v.sampling == frontend::SampleLocation::Centroid) return base::errorf("fragment stage: centroid interpolation is not supported yet");
-  }
+  if (p->fragment && p->state.samples > 1 && (p->fragment->usesSampleRate || p->state.sampleShading))
+    return base::errorf("fragment stage: shading per sample is not supported yet");
   auto link = linkStages(p->state, *p->vertex, p->fragment.get());
   if (!link) return std::move(link).error();
   p->link = std::move(link).value();

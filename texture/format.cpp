@@ -9,7 +9,7 @@ namespace {
 // What the rooms above implement; capability queries follow these and the table alone.
 constexpr bool kSampleCompressed = false;      // block decoding in loadTexel()
 constexpr bool kStorage = true;                // image reads, writes and atomics in expandImage()
-constexpr VkSampleCountFlags kSampleCounts = VK_SAMPLE_COUNT_1_BIT;
+constexpr VkSampleCountFlags kSampleCounts = VK_SAMPLE_COUNT_1_BIT | VK_SAMPLE_COUNT_4_BIT;
 
 struct NumericName {
   std::string_view text;
