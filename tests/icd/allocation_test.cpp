@@ -56,7 +56,8 @@ struct CountingAllocator {
   static void VKAPI_PTR release(void* user, void* memory) {
     Unlimited unlimited;
     if (!memory) return;
-    EXPECT_EQ(static_cast<CountingAllocator*>(user)->live.erase(memory), 1u) << "freed what was not allocated here";
+    EXPECT_EQ(static_cast<CountingAllocator*>(user)->live.erase(memory), 1u)
+        << "freed what was not allocated here";
     std::free(memory);
   }
 };

@@ -71,15 +71,16 @@ GraphicsPipelineInfo::GraphicsPipelineInfo(VkShaderModule vertex, VkShaderModule
   info.subpass = subpass;
 }
 
-Target::Target(TestDevice& d, VkFormat f, VkExtent2D s) : device(d), format(f), size(s) {
+Target::Target(TestDevice& d, VkFormat f, VkExtent2D s, VkSampleCountFlagBits n, VkImageUsageFlags more)
+    : device(d), format(f), size(s), samples(n) {
   VkImageCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
   info.imageType = VK_IMAGE_TYPE_2D;
   info.format = format;
   info.extent = {size.width, size.height, 1};
   info.mipLevels = info.arrayLayers = 1;
-  info.samples = VK_SAMPLE_COUNT_1_BIT;
-  info.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT;
+  info.samples = samples;
+  info.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT | more;
   EXPECT_EQ(VK(vkCreateImage)(device.handle, &info, nullptr, &image), VK_SUCCESS);
   VkMemoryRequirements needs;
   VK(vkGetImageMemoryRequirements)(device.handle, image, &needs);
@@ -103,7 +104,7 @@ Target::~Target() {
 VkRenderPass Target::pass(uint32_t count) const {
   VkAttachmentDescription attachment{0,
                                      format,
-                                     VK_SAMPLE_COUNT_1_BIT,
+                                     samples,
                                      VK_ATTACHMENT_LOAD_OP_CLEAR,
                                      VK_ATTACHMENT_STORE_OP_STORE,
                                      VK_ATTACHMENT_LOAD_OP_DONT_CARE,

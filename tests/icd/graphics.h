@@ -31,7 +31,8 @@ struct GraphicsPipelineInfo {
 };
 
 struct Target {
-  Target(TestDevice& device, VkFormat format, VkExtent2D size);
+  Target(TestDevice& device, VkFormat format, VkExtent2D size,
+         VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT, VkImageUsageFlags more = 0);
   ~Target();
   Target(const Target&) = delete;
   //! One attachment, `subpasses` subpasses that all draw into it. The first use clears.
@@ -46,6 +47,7 @@ struct Target {
   TestDevice& device;
   VkFormat format;
   VkExtent2D size;
+  VkSampleCountFlagBits samples;
   VkImage image = VK_NULL_HANDLE;
   VkDeviceMemory memory = VK_NULL_HANDLE;
   VkImageView view = VK_NULL_HANDLE;
