@@ -16,6 +16,8 @@ namespace pumice::base {
     "number of threads that draw, the one that asks included")                                    \
   X(Isa, "PUMICE_ISA", "scalar, sse4, avx2, avx512", "the best of this processor",                \
     "instruction set of the interpreter's kernels")                                               \
+  X(Numerics, "PUMICE_NUMERICS", "f32, reference", "f32",                                         \
+    "reference: shaders and blending compute in double precision")                                \
   X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did")
 
 enum class EnvVar : int {

@@ -18,15 +18,17 @@ class GraphicsPipeline {
 };
 
 struct ComputeKey {
+  ir::Numerics numerics = ir::Numerics::F32;
   std::vector<ImageState> images;
   bool operator==(const ComputeKey&) const = default;
 };
-inline uint64_t hashKey(const ComputeKey& k) { return hashImages(k.images); }
+inline uint64_t hashKey(const ComputeKey& k) { return base::hashCombine(uint64_t(k.numerics), hashImages(k.images)); }
 
 class ComputePipeline {
  public:
   std::shared_ptr<const Layout> layout;
   std::shared_ptr<const frontend::Shader> shader;
+  ir::Numerics numerics = ir::Numerics::F32;
   ImageUses images;
   Variants<ComputeKey, ComputeRoutine> variants;
 };

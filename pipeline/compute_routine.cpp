@@ -50,7 +50,7 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
   if (!expander.error().empty()) return base::Error{expander.error()};
   if (invocations == 0 || invocations > kMaxGroupInvocations)
     return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
-  auto code = finishRoutine(f, ir::Numerics::F32);
+  auto code = finishRoutine(f, key.numerics);
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<ComputeRoutine>();
   routine->code = std::move(code).value();

@@ -14,6 +14,11 @@ Value both(ir::Builder& b, Value x, Value y) { return !x ? y : !y ? x : b.maskAn
 
 Value compareMask(ir::Builder& b, VkCompareOp op, Value x, Value y) {
   const bool f = ir::isFloat(b.type(x));
+  struct Flags {
+    ir::Builder& b;
+    ~Flags() { b.setInstFlags(0); }
+  } flags{b};
+  if (f) b.setInstFlags(ir::kInstDeclared);   // what is stored is what is compared
   switch (op) {
     case VK_COMPARE_OP_NEVER: return b.mask(false);
     case VK_COMPARE_OP_LESS: return f ? b.flt(x, y) : b.ult(x, y);

@@ -1,6 +1,7 @@
 // Creation of pipelines: what cannot work must fail here, not at a draw. Lookup of routines at draws.
 #include "pipeline/pipeline.h"
 
+#include "base/env.h"
 #include "base/fpenv.h"
 #include "base/log.h"
 #include "pipeline/builders.h"
@@ -62,6 +63,12 @@ base::Error in(const char* stage, base::Result<T>&& r) {
 
 }  // namespace
 
+ir::Numerics defaultNumerics() {
+  const auto wanted = base::envString(base::EnvVar::Numerics);
+  if (wanted && *wanted != "f32" && *wanted != "reference") base::logError("PUMICE_NUMERICS=%s: f32 or reference expected", wanted->c_str());
+  return wanted && *wanted == "reference" ? ir::Numerics::Oracle : ir::Numerics::F32;
+}
+
 const GraphicsState& graphicsState(const GraphicsPipeline& pipeline) { return pipeline.state; }
 
 base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
@@ -95,12 +102,14 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
 
   // One routine per stage is made now, so that what is not supported is found. Without images it is the very one draws use.
   VertexKey vertexKey;
+  vertexKey.numerics = p->state.numerics;
   vertexKey.images = p->vertexImages.plausible(*p->vertex, *p->layout);
   auto v = buildVertexRoutine(*p, vertexKey);
   if (!v) return in("vertex", std::move(v));
   p->vertexVariants.insert(vertexKey, std::move(v).value());
   if (!p->state.rasterizerDiscard) {
     FragmentKey key;
+    key.numerics = p->state.numerics;
     if (p->fragment) key.images = p->fragmentImages.plausible(*p->fragment, *p->layout);
     auto f = buildFragmentRoutine(*p, key);
     if (!f) return in("fragment", std::move(f));
@@ -109,17 +118,19 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   return p;
 }
 
-base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader) {
+base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader,
+                                                                     ir::Numerics numerics) {
   if (!shader) return base::errorf("there is no compute stage");
   const base::ScopedFpEnv environment;
   auto p = std::make_shared<ComputePipeline>();
   p->layout = std::move(layout);
   p->shader = std::move(shader);
+  p->numerics = numerics;
   if (auto r = checkResources(*p->shader, *p->layout); !r) return in("compute", std::move(r));
   auto images = ImageUses::collect(*p->shader, *p->layout);
   if (!images) return in("compute", std::move(images));
   p->images = std::move(images).value();
-  ComputeKey key{p->images.plausible(*p->shader, *p->layout)};
+  ComputeKey key{p->numerics, p->images.plausible(*p->shader, *p->layout)};
   auto r = buildComputeRoutine(*p, key);
   if (!r) return in("compute", std::move(r));
   p->variants.insert(key, std::move(r).value());
@@ -142,19 +153,21 @@ std::shared_ptr<const Routine> findOrMake(Variants<Key, Routine>& variants, cons
 
 std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& p, const DrawState& draw) {
   VertexKey key;
+  key.numerics = p.state.numerics;
   key.images = p.vertexImages.read(*p.vertex, *p.layout, draw.setMemory, draw.setSize);
   return findOrMake(p.vertexVariants, key, "vertex", [&] { return buildVertexRoutine(p, key); });
 }
 
 std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples) {
   FragmentKey key;
+  key.numerics = p.state.numerics;
   key.countSamples = countSamples;
   if (p.fragment) key.images = p.fragmentImages.read(*p.fragment, *p.layout, draw.setMemory, draw.setSize);
   return findOrMake(p.fragmentVariants, key, "fragment", [&] { return buildFragmentRoutine(p, key); });
 }
 
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& p, const DispatchState& dispatch) {
-  ComputeKey key{p.images.read(*p.shader, *p.layout, dispatch.setMemory, dispatch.setSize)};
+  ComputeKey key{p.numerics, p.images.read(*p.shader, *p.layout, dispatch.setMemory, dispatch.setSize)};
   return findOrMake(p.variants, key, "compute", [&] { return buildComputeRoutine(p, key); });
 }
 

@@ -8,11 +8,15 @@
 #include "base/result.h"
 #include "pipeline/layout.h"
 #include "spirv_interp/frontend/shader.h"
+#include "spirv_interp/ir/passes.h"
 
 namespace pumice::pipeline {
 
 //! Which state comes from the command buffer. Bit n = VkDynamicState n for the core ones (0..8).
 using DynamicStates = uint32_t;
+
+//! What PUMICE_NUMERICS asks for.
+ir::Numerics defaultNumerics();
 
 //! Fixed-function state of a graphics pipeline; plain values, no pointers into the application's memory.
 struct GraphicsState {
@@ -43,6 +47,7 @@ struct GraphicsState {
   uint32_t colorCount = 0;
   VkFormat depthStencilFormat = VK_FORMAT_UNDEFINED;
   DynamicStates dynamic = 0;
+  ir::Numerics numerics = defaultNumerics();
 };
 
 struct StageSource {
@@ -57,6 +62,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
 const GraphicsState& graphicsState(const GraphicsPipeline& pipeline);
 
 class ComputePipeline;
-base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader);
+base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader,
+                                                                     ir::Numerics numerics = defaultNumerics());
 
 }  // namespace pumice::pipeline

@@ -139,6 +139,7 @@ class Interpreted final : public Executable {
 Result<std::unique_ptr<Executable>> compileInterpreterFor(const ir::Function& source, const CompileOptions& options, const Target& target) {
   ir::Function f = source;
   ir::lowerMath(f, options.numerics);
+  if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   ir::computeRates(f);
   Result<Program> program = lower(f, kernelTable(target));
   if (!program) return std::move(program).error();

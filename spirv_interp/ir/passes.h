@@ -23,7 +23,12 @@ void computeRates(Function& f);
 //! it): lowerMath puts it around its f64 sequences, f32 -> f64 -> ... -> f64 -> f32.
 enum class Numerics : uint8_t { F32, Oracle };
 
-//! The last pass: replaces the high-level float operations (fexp2, fsin, frsqrt, ...) by sequences of plain ones,
+//! Numerics::Oracle in terms of plain f64 operations, after lowerMath: what is computed becomes f64, and f16 and f32
+//! remain where their bits count (memory, interface rows, casts, and values that are only moved from and to them).
+//! What crosses an interface (outputs of a stage, local and shared memory) is rounded to its type.
+void widenFloats(Function& f);
+
+//! The last pass but widenFloats: replaces the high-level float operations (fexp2, fsin, frsqrt, ...) by sequences of plain ones,
 //! one lowering per number type; in oracle mode the f64 one for all types. Rare ranges (huge angles) stand in
 //! an `if` that no lane enters as a rule; for draw-uniform operands everything is pure, so that it can be hoisted.
 void lowerMath(Function& f, Numerics numerics);

@@ -39,6 +39,7 @@ struct InstFlagName {
 };
 inline constexpr InstFlagName kInstFlagNames[] = {
     {"volatile", kInstVolatile}, {"nocontract", kInstNoContract}, {"nonuniform", kInstNonUniform},
-    {"keep", kInstKeep}};
+    {"keep", kInstKeep},
+    {"declared", kInstDeclared}};
 
 }  // namespace pumice::ir

@@ -70,8 +70,8 @@ struct RowRun {
 
   explicit RowRun(size_t inputCount = 0, size_t outputCount = 0) : inputs(inputCount), outputs(outputCount) {}
 
-  void operator()(const Function& f, const Target& target = defaultTarget()) {
-    auto compiled = compileInterpreterFor(f, {}, target);
+  void operator()(const Function& f, const Target& target = defaultTarget(), const CompileOptions& options = {}) {
+    auto compiled = compileInterpreterFor(f, options, target);
     ASSERT_TRUE(compiled) << compiled.error().message;
     execute(**compiled);
   }

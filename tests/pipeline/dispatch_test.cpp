@@ -13,7 +13,7 @@ struct Compute {
   DispatchState state;
   std::string error;
 
-  Compute(const std::string& glsl, size_t words) : data(words) {
+  Compute(const std::string& glsl, size_t words, ir::Numerics numerics = ir::Numerics::F32) : data(words) {
     layout->sets.resize(1);
     Binding b;
     b.type = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
@@ -22,7 +22,7 @@ struct Compute {
     layout->sets[0].bindings[0] = b;
     layout->sets[0].size = 32;
     layout->dynamicBase = {0};
-    auto p = createComputePipeline(layout, compile(frontend::Stage::Compute, glsl));
+    auto p = createComputePipeline(layout, compile(frontend::Stage::Compute, glsl), numerics);
     if (!p) {
       error = p.error().message;
       return;
@@ -187,6 +187,24 @@ void main() {
     ASSERT_EQ(c.error, "");
     c.run(2, {4, 1, 1});
     for (uint32_t i = 0; i < 2048; ++i) ASSERT_EQ(c.data[4 + i], i % 512 + 1) << flag;
+  }
+}
+
+TEST(Dispatch, TheOracleComputesInDouble) {
+  for (const auto numerics : {ir::Numerics::F32, ir::Numerics::Oracle}) {
+    Compute c(R"(#version 450
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0) buffer B { float data[]; };
+void main() {
+  float x = float(gl_GlobalInvocationID.x);
+  float a[2] = float[](x + 1.0e8, x);
+  data[gl_GlobalInvocationID.x] = a[0] - 1.0e8;
+})",
+              64, numerics);
+    ASSERT_EQ(c.error, "");
+    c.run(1, {1, 1, 1});
+    for (uint32_t i = 0; i < 64; ++i)
+      ASSERT_EQ(std::bit_cast<float>(c.data[i]), numerics == ir::Numerics::F32 ? float(i) + 1.0e8f - 1.0e8f : float(i)) << i;
   }
 }
 
