@@ -242,12 +242,14 @@ std::vector<uint32_t> Translator::switchOrder(const std::vector<uint32_t>& targe
   for (size_t i = 0; i < targets.size(); i++) number[targets[i]] = i;
   std::vector<std::vector<size_t>> follow(targets.size());
   std::vector<size_t> incoming(targets.size());
+  uint64_t steps = 0;
   for (size_t i = 0; i < targets.size(); i++) {
     std::unordered_set<uint32_t> seen{targets[i]};
     std::vector<uint32_t> work{targets[i]};
     while (!work.empty()) {
       uint32_t label = work.back();
       work.pop_back();
+      if (++steps > kMaxInstructions) fail("the cases of a switch are too entangled");
       const BasicBlock& current = block(label);
       for (uint32_t to : successors(current)) {
         if (to == merge || to == 0 || findTarget(to) || !frame().function->blockOfLabel.count(to)) continue;
@@ -347,16 +349,16 @@ void Translator::switchConstruct(const BasicBlock& header, const Instruction& en
     leave(*findTarget(label));
     b.endIf();
   }
-  for (size_t i = 0; i < order.size(); i++) {
-    uint32_t label = order[i];
-    b.beginIf(enter.count(label) ? b.get(enter[label]) : goes[label]);
-    size_t base = targets_.size();
-    for (size_t later = i + 1; later < order.size(); later++)
-      if (enter.count(order[later])) targets_.push_back({order[later], b.breakDepth(), enter[order[later]]});
+  // The cases to come are targets; the next one lies on top.
+  for (size_t i = order.size(); i > 0; i--)
+    if (enter.count(order[i - 1])) targets_.push_back({order[i - 1], b.breakDepth(), enter[order[i - 1]]});
+  for (uint32_t label : order) {
+    bool isEntered = enter.count(label) != 0;
+    if (isEntered) targets_.pop_back();
+    b.beginIf(isEntered ? b.get(enter[label]) : goes[label]);
     b.beginBlock();
     chain(label, header.merge);
     b.endBlock();
-    targets_.resize(base);
     b.endIf();
   }
   b.endBlock();

@@ -208,6 +208,15 @@ Value Translator::interpolateAt(const Pointer& p, uint32_t scalarIndex, SampleLo
                 uint64_t(number) << 32 | leaf.component);
 }
 
+std::pair<bool, bool> Translator::onMembers(uint32_t structType, spv::Decoration kind) {
+  auto [at, isNew] = memberDecorations_.try_emplace(uint64_t(structType) << 32 | uint32_t(kind), false, false);
+  if (!isNew) return at->second;
+  const TypeInfo& t = type(structType);
+  size_t found = 0;
+  for (uint32_t i = 0; i < t.members.size(); i++) found += module.findMember(structType, i, kind) != nullptr;
+  return at->second = {found != 0, found && found == t.members.size()};
+}
+
 uint32_t Translator::resourceOf(Variable& variable) {
   if (variable.resource != ~0u) return variable.resource;
   Resource resource;
@@ -243,10 +252,7 @@ uint32_t Translator::resourceOf(Variable& variable) {
       bool storage = variable.storage == spv::StorageClass::StorageBuffer ||
                      module.find(typeId, spv::Decoration::BufferBlock) != nullptr;
       resource.kind = storage ? ResourceKind::StorageBuffer : ResourceKind::UniformBuffer;
-      bool allMembers = !t.members.empty();
-      for (uint32_t i = 0; i < t.members.size(); i++)
-        allMembers &= module.findMember(typeId, i, spv::Decoration::NonWritable) != nullptr;
-      nonWritable |= allMembers || !storage;
+      nonWritable |= onMembers(typeId, spv::Decoration::NonWritable).second || !storage;
       break;
     }
     case TypeInfo::Image: resource.kind = imageKind(*t.image); break;
@@ -290,9 +296,7 @@ void Translator::declareVariable(const Instruction& inst) {
       id = t->element;
       t = &type(id);
     }
-    for (uint32_t i = 0; i < t->members.size(); i++)
-      if (module.findMember(id, i, kind)) return true;
-    return false;
+    return onMembers(id, kind).first;
   };
   switch (variable.storage) {
     case spv::StorageClass::Input: declareInput(variable); break;

@@ -267,6 +267,60 @@ base::Status Module::cut() {
 
 namespace {
 
+// The validator takes quadratic time, or recurses, over some absurd modules: structures of structures of thousands of
+// members, thousands of nested constructs. Those are left to the translator, which has limits of its own.
+constexpr size_t kMaxValidatedInstructions = 500'000;
+constexpr size_t kMaxValidatedConstructs = 3'000;  // of one function
+constexpr size_t kMaxValidatedFunctions = 1'000;
+constexpr uint64_t kMaxValidatedMembers = 1u << 18;  // of all structures, with those of nested ones
+constexpr uint32_t kMaxValidatedDepth = 100;
+
+bool canBeValidated(const Module& module) {
+  if (module.instructions.size() > kMaxValidatedInstructions || module.functions.size() > kMaxValidatedFunctions)
+    return false;
+  for (const FunctionBody& function : module.functions) {
+    size_t constructs = 0;
+    for (const BasicBlock& block : function.blocks) constructs += block.merge != 0;
+    if (constructs > kMaxValidatedConstructs) return false;
+  }
+  struct Weight {
+    uint64_t members = 1;
+    uint32_t depth = 0;
+  };
+  std::unordered_map<uint32_t, Weight> types;
+  uint64_t total = 0;
+  for (uint32_t i = 0; i < module.globalsEnd; i++) {
+    const Instruction& inst = module.instructions[i];
+    bool isStruct = inst.op == spv::Op::OpTypeStruct;
+    bool isVariable = inst.op == spv::Op::OpVariable;
+    if (!isStruct && !isVariable && inst.op != spv::Op::OpTypeArray && inst.op != spv::Op::OpTypeRuntimeArray &&
+        inst.op != spv::Op::OpTypePointer)
+      continue;
+    Weight weight;
+    auto add = [&](uint32_t id) {
+      auto at = types.find(id);
+      weight.members += at == types.end() ? 1 : at->second.members;
+      weight.depth = std::max(weight.depth, at == types.end() ? 1 : at->second.depth + 1);
+    };
+    if (isVariable) {
+      add(inst.resultType);  // layouts are checked for each variable
+      total += weight.members;
+    } else if (inst.op == spv::Op::OpTypePointer) {
+      add(inst.operand(1));
+      weight.depth = 0;  // pointers may be cyclic
+    } else {
+      for (size_t k = 0; k < (isStruct ? inst.count() : 1); k++) {
+        add(inst.operand(k));
+        if (weight.members > kMaxValidatedMembers) return false;
+      }
+      total += weight.members;
+    }
+    if (total > 4 * kMaxValidatedMembers || weight.depth > kMaxValidatedDepth) return false;
+    if (!isVariable) types[inst.result] = weight;
+  }
+  return true;
+}
+
 base::Status validate(const std::vector<uint32_t>& words) {
   // Vulkan 1.3 takes every SPIR-V version from 1.0 to 1.6.
   spv_context context = spvContextCreate(SPV_ENV_VULKAN_1_3);
@@ -296,7 +350,7 @@ Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> word
     auto module = std::make_shared<Module>();
     module->words.assign(words.begin(), words.end());
     PUMICE_TRY(module->cut());
-    PUMICE_TRY(validate(module->words));
+    if (canBeValidated(*module)) PUMICE_TRY(validate(module->words));
     return std::shared_ptr<const Module>(std::move(module));
   } catch (const std::bad_alloc&) {
     return base::errorf("SPIR-V: out of memory while parsing %zu words", words.size());

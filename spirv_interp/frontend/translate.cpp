@@ -87,6 +87,9 @@ void Translator::setVal(uint32_t id, Val v) {
     values_.emplace_back();
     slots_[id] = uint32_t(values_.size());
   }
+  // Copies of large values cost no instructions, so they are counted here.
+  valueScalars_ += v.scalars.size();
+  if (valueScalars_ > kMaxCopiedScalars) fail("the values of the shader are too large");
   values_[slots_[id] - 1] = std::move(v);
 }
 
@@ -277,6 +280,7 @@ void Translator::run(Stage wanted, std::string_view name) {
       // Other entry points' variables are none of our business.
       if ((io || module.version >= 0x00010400) && !interface.count(inst.result)) continue;
       declareVariable(inst);
+      if (shader.function.insts.size() > kMaxInstructions) fail("the shader's variables are too large");
     }
   }
 

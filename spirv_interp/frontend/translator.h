@@ -42,6 +42,7 @@ struct TranslateError {
 // Limits against absurd modules.
 constexpr uint32_t kMaxInstructions = 2'000'000;  // of lane IR, after inlining
 constexpr uint32_t kMaxValueScalars = 1u << 16;   // scalars of one value or register variable
+constexpr uint64_t kMaxCopiedScalars = 1u << 26;  // scalars of all values that are made
 constexpr uint32_t kMaxTypeDepth = 64;
 constexpr uint32_t kMaxTypes = 1u << 18;
 constexpr uint32_t kMaxMembers = 1u << 22;        // of all structures together
@@ -218,6 +219,8 @@ class Translator {
   void flushOutputs();
   void finishInterface();
   uint32_t resourceOf(Variable& variable);
+  //! Whether any member, and every member, of a structure has a decoration.
+  std::pair<bool, bool> onMembers(uint32_t structType, spv::Decoration kind);
   Value interpolateAt(const Pointer& pointer, uint32_t scalarIndex, SampleLocation sampling, std::span<const Value> operands);
 
   // --- memory (pointers.cpp, memory.cpp)
@@ -325,6 +328,8 @@ class Translator {
   std::unordered_map<uint32_t, std::span<const std::byte>> specialization_;
   uint64_t localBytes_ = 0;
   uint64_t constantScalars_ = 0;
+  uint64_t valueScalars_ = 0;
+  std::unordered_map<uint64_t, std::pair<bool, bool>> memberDecorations_;  //!< (type, kind) -> on any, on every member
   uint64_t memberCount_ = 0;
   uint32_t workgroupSizeConstant_ = 0;
 };

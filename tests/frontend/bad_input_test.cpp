@@ -1,6 +1,8 @@
 // Hostile modules give errors: no crash, no hang, no gigabytes.
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
+
 #include <chrono>
 #include <random>
 
@@ -144,6 +146,289 @@ TEST(BadInput, ExponentialInliningEndsInAnError) {
   auto shader = translate(**module, Stage::Fragment, "main", {});
   ASSERT_FALSE(shader.hasValue());
   EXPECT_NE(shader.error().message.find("too large"), std::string::npos) << shader.error().message;
+}
+
+// --- absurd counts: each must end soon, in an error or a shader, within moderate memory
+
+//! Writes modules word by word, as no compiler would.
+struct Writer {
+  std::vector<uint32_t> words{0x07230203, 0x00010300, 0, 0, 0};
+  uint32_t bound = 1;
+
+  uint32_t id() { return bound++; }
+  void op(spv::Op op, std::initializer_list<uint32_t> operands) { this->op(op, std::vector<uint32_t>(operands)); }
+  void op(spv::Op op, const std::vector<uint32_t>& operands) {
+    words.push_back(uint32_t(operands.size() + 1) << 16 | uint32_t(op));
+    words.insert(words.end(), operands.begin(), operands.end());
+  }
+  uint32_t main = 0, voidType = 0, functionType = 0, floatType = 0, uintType = 0, boolType = 0, n0 = 0, yes = 0;
+
+  Writer() {
+    op(spv::Op::OpCapability, {uint32_t(spv::Capability::Shader)});
+    op(spv::Op::OpMemoryModel, {0, 1});
+    main = id();
+    op(spv::Op::OpEntryPoint, {uint32_t(spv::ExecutionModel::GLCompute), main, 0x6e69616d, 0});
+    op(spv::Op::OpExecutionMode, {main, uint32_t(spv::ExecutionMode::LocalSize), 1, 1, 1});
+    decorations = words.size();
+    voidType = id(), functionType = id(), floatType = id(), uintType = id(), boolType = id(), n0 = id(), yes = id();
+    op(spv::Op::OpTypeVoid, {voidType});
+    op(spv::Op::OpTypeFunction, {functionType, voidType});
+    op(spv::Op::OpTypeFloat, {floatType, 32});
+    op(spv::Op::OpTypeInt, {uintType, 32, 0});
+    op(spv::Op::OpTypeBool, {boolType});
+    op(spv::Op::OpConstant, {uintType, n0, 0});
+    op(spv::Op::OpConstantTrue, {boolType, yes});
+  }
+  size_t decorations = 0;
+  uint32_t constant(uint32_t value) {
+    uint32_t result = id();
+    op(spv::Op::OpConstant, {uintType, result, value});
+    return result;
+  }
+  uint32_t type(spv::Op kind, std::vector<uint32_t> operands) {
+    uint32_t result = id();
+    operands.insert(operands.begin(), result);
+    op(kind, operands);
+    return result;
+  }
+  uint32_t variable(spv::StorageClass storage, uint32_t pointee) {
+    uint32_t pointer = type(spv::Op::OpTypePointer, {uint32_t(storage), pointee}), result = id();
+    op(spv::Op::OpVariable, {pointer, result, uint32_t(storage)});
+    return result;
+  }
+  void beginMain() {
+    op(spv::Op::OpFunction, {voidType, main, 0, functionType});
+    op(spv::Op::OpLabel, {id()});
+  }
+  void endMain() {
+    op(spv::Op::OpReturn, {});
+    op(spv::Op::OpFunctionEnd, {});
+    words[3] = bound;
+  }
+};
+
+long peakKilobytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return usage.ru_maxrss;
+}
+
+//! Both with and without the validator; gives the error.
+std::string soon(Writer& w, double seconds = 5) {
+  long before = peakKilobytes();
+  auto start = std::chrono::steady_clock::now();
+  std::string error;
+  auto module = parseModule(w.words);
+  if (module) {
+    auto shader = translate(**module, Stage::Compute, "main", {});
+    if (!shader) error = shader.error().message;
+  } else {
+    error = module.error().message;
+  }
+  Module unchecked;
+  unchecked.words = w.words;
+  if (unchecked.cut()) (void)translate(unchecked, Stage::Compute, "main", {}).hasValue();
+  double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  (void)before, (void)took, (void)seconds;
+#else
+  EXPECT_LT(took, seconds) << error;
+  EXPECT_LT(peakKilobytes() - before, 1'000'000) << error;
+#endif
+  return error;
+}
+
+TEST(Absurd, AnEmptyMainIsGood) {
+  Writer w;
+  w.beginMain();
+  w.endMain();
+  EXPECT_EQ(soon(w), "");
+}
+
+TEST(Absurd, ArraysOfBillions) {
+  for (auto storage : {spv::StorageClass::Private, spv::StorageClass::Workgroup}) {
+    for (uint32_t length : {0u, 0xffffffffu, 1u << 30, 1u << 20}) {
+      Writer w;
+      uint32_t n = w.constant(length), array = w.type(spv::Op::OpTypeArray, {w.floatType, n});
+      uint32_t outer = w.type(spv::Op::OpTypeArray, {array, n}), v = w.variable(storage, outer);
+      uint32_t pointer = w.type(spv::Op::OpTypePointer, {uint32_t(storage), w.floatType}), p = w.id(), value = w.id();
+      w.beginMain();
+      w.op(spv::Op::OpAccessChain, {pointer, p, v, w.n0, w.n0});
+      w.op(spv::Op::OpLoad, {w.floatType, value, p});
+      w.endMain();
+      EXPECT_NE(soon(w), "") << length;
+    }
+  }
+}
+
+TEST(Absurd, StructuresOfStructuresOfThousandsOfMembers) {
+  for (int levels = 1; levels <= 4; levels++) {
+    Writer w;
+    uint32_t inner = w.floatType;
+    for (int k = 0; k < levels; k++) inner = w.type(spv::Op::OpTypeStruct, std::vector<uint32_t>(65000, inner));
+    uint32_t v = w.variable(spv::StorageClass::Private, inner), value = w.id();
+    w.beginMain();
+    w.op(spv::Op::OpLoad, {inner, value, v});
+    for (int k = 0; k < 2000; k++) {
+      uint32_t part = w.id();
+      w.op(spv::Op::OpCompositeExtract, {w.floatType, part, value, uint32_t(64000 + k % 1000)});
+    }
+    w.endMain();
+    std::string error = soon(w);
+    if (levels > 1) {
+      EXPECT_NE(error, "");
+    }
+  }
+}
+
+// Nothing at the bottom: no scalar is ever counted.
+TEST(Absurd, StructuresOfEmptyStructures) {
+  Writer w;
+  uint32_t inner = w.type(spv::Op::OpTypeStruct, {});
+  for (int k = 0; k < 4; k++) inner = w.type(spv::Op::OpTypeStruct, std::vector<uint32_t>(65000, inner));
+  uint32_t outer = w.type(spv::Op::OpTypeStruct, {w.floatType, inner});
+  uint32_t v = w.variable(spv::StorageClass::Private, outer), value = w.id();
+  w.beginMain();
+  w.op(spv::Op::OpLoad, {outer, value, v});
+  w.op(spv::Op::OpStore, {v, value});
+  w.endMain();
+  soon(w);
+}
+
+TEST(Absurd, DeeplyNestedTypes) {
+  Writer w;
+  uint32_t two = w.constant(2), inner = w.floatType;
+  for (int k = 0; k < 100'000; k++)
+    inner = k % 2 ? w.type(spv::Op::OpTypeArray, {inner, two}) : w.type(spv::Op::OpTypeStruct, {inner});
+  w.variable(spv::StorageClass::Private, inner);
+  w.beginMain();
+  w.endMain();
+  EXPECT_NE(soon(w), "");
+}
+
+TEST(Absurd, AMillionConstants) {
+  Writer w;
+  uint32_t n = w.constant(60000), array = w.type(spv::Op::OpTypeArray, {w.uintType, n});
+  uint32_t outer = w.type(spv::Op::OpTypeArray, {array, w.constant(16)});
+  std::vector<uint32_t> rows;
+  for (uint32_t row = 0; row < 16; row++) {
+    std::vector<uint32_t> elements;
+    for (uint32_t i = 0; i < 60000; i++) elements.push_back(w.constant(row * 60000 + i));
+    uint32_t composite = w.id();
+    elements.insert(elements.begin(), {array, composite});
+    w.op(spv::Op::OpConstantComposite, elements);
+    rows.push_back(composite);
+  }
+  uint32_t all = w.id();
+  rows.insert(rows.begin(), {outer, all});
+  w.op(spv::Op::OpConstantComposite, rows);
+  w.beginMain();
+  w.endMain();
+  EXPECT_NE(soon(w, 10), "");
+}
+
+// Each level holds the one before it twice: 2^60 scalars.
+TEST(Absurd, ConstantsThatDouble) {
+  Writer w;
+  uint32_t type = w.uintType, value = w.n0;
+  for (int k = 0; k < 60; k++) {
+    type = w.type(spv::Op::OpTypeStruct, {type, type});
+    uint32_t composite = w.id();
+    w.op(spv::Op::OpConstantComposite, {type, composite, value, value});
+    value = composite;
+  }
+  w.beginMain();
+  w.endMain();
+  EXPECT_NE(soon(w), "");
+}
+
+// A large value copied again and again takes no instructions of lane IR.
+TEST(Absurd, CopiesOfALargeValue) {
+  Writer w;
+  uint32_t array = w.type(spv::Op::OpTypeArray, {w.uintType, w.constant(60000)}), null = w.id();
+  w.op(spv::Op::OpConstantNull, {array, null});
+  w.beginMain();
+  for (int k = 0; k < 100'000; k++) {
+    uint32_t copy = w.id();
+    w.op(spv::Op::OpCopyObject, {array, copy, null});
+  }
+  w.endMain();
+  EXPECT_NE(soon(w), "");
+}
+
+TEST(Absurd, ManyLargeVariables) {
+  for (auto storage : {spv::StorageClass::Private, spv::StorageClass::Workgroup, spv::StorageClass::Function}) {
+    Writer w;
+    uint32_t array = w.type(spv::Op::OpTypeArray, {w.uintType, w.constant(60000)});
+    uint32_t pointer = w.type(spv::Op::OpTypePointer, {uint32_t(storage), array});
+    if (storage == spv::StorageClass::Function) w.beginMain();
+    for (int k = 0; k < 50'000; k++) w.op(spv::Op::OpVariable, {pointer, w.id(), uint32_t(storage)});
+    if (storage != spv::StorageClass::Function) w.beginMain();
+    w.endMain();
+    EXPECT_NE(soon(w), "");
+  }
+}
+
+TEST(Absurd, DeeplyNestedConstructs) {
+  for (int levels : {100, 2000, 50'000}) {
+    Writer w;
+    w.beginMain();
+    std::vector<uint32_t> merges;
+    for (int k = 0; k < levels; k++) {
+      uint32_t inside = w.id(), merge = w.id();
+      w.op(spv::Op::OpSelectionMerge, {merge, 0});
+      w.op(spv::Op::OpBranchConditional, {w.yes, inside, merge});
+      w.op(spv::Op::OpLabel, {inside});
+      merges.push_back(merge);
+    }
+    for (; !merges.empty(); merges.pop_back()) {
+      w.op(spv::Op::OpBranch, {merges.back()});
+      w.op(spv::Op::OpLabel, {merges.back()});
+    }
+    w.endMain();
+    EXPECT_EQ(soon(w, 10).empty(), levels == 100) << levels;
+  }
+}
+
+TEST(Absurd, ASwitchOfThousandsOfCasesThatFallThrough) {
+  Writer w;
+  w.beginMain();
+  uint32_t merge = w.id(), first = w.bound;
+  constexpr uint32_t kCases = 20'000;
+  w.bound += kCases;
+  std::vector<uint32_t> operands{w.n0, merge};
+  for (uint32_t k = 0; k < kCases; k++) operands.insert(operands.end(), {k, first + k});
+  w.op(spv::Op::OpSelectionMerge, {merge, 0});
+  w.op(spv::Op::OpSwitch, operands);
+  for (uint32_t k = 0; k < kCases; k++) {
+    w.op(spv::Op::OpLabel, {first + k});
+    w.op(spv::Op::OpBranch, {k + 1 < kCases ? first + k + 1 : merge});
+  }
+  w.op(spv::Op::OpLabel, {merge});
+  w.endMain();
+  soon(w, 20);
+}
+
+TEST(Absurd, ALongChainOfCallsAndAFunctionThatCallsItself) {
+  for (auto [circle, length] : {std::pair(false, 900), {false, 20'000}, {true, 900}, {true, 20'000}}) {
+    Writer w;
+    w.beginMain();
+    uint32_t next = w.id();
+    w.op(spv::Op::OpFunctionCall, {w.voidType, w.id(), next});
+    w.op(spv::Op::OpReturn, {});
+    w.op(spv::Op::OpFunctionEnd, {});
+    uint32_t first = next;
+    for (int k = 0; k < length; k++) {
+      w.op(spv::Op::OpFunction, {w.voidType, next, 0, w.functionType});
+      w.op(spv::Op::OpLabel, {w.id()});
+      next = k == length - 1 ? first : w.id();
+      if (circle || k < length - 1) w.op(spv::Op::OpFunctionCall, {w.voidType, w.id(), next});
+      w.op(spv::Op::OpReturn, {});
+      w.op(spv::Op::OpFunctionEnd, {});
+    }
+    w.words[3] = w.bound;
+    EXPECT_NE(soon(w, 10), "");
+  }
 }
 
 }  // namespace
