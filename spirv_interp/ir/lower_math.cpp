@@ -9,12 +9,13 @@ namespace pumice::ir {
 
 namespace {
 
-Value lowerOne(Builder& b, Op op, Type type, std::span<const Value> v, bool uniform, Numerics numerics, AngleCache& cache) {
+Value lowerOne(Builder& b, Op op, Type type, std::span<const Value> v, bool uniform, Numerics numerics,
+               AngleCache& cache) {
   if (type == Type::F64) return lowerF64(b, op, v, uniform, cache);
   const bool oracle = numerics == Numerics::Oracle;
   if (type == Type::F32 && !oracle) return lowerF32(b, op, v, uniform, cache);
-  // The oracle computes in f64 and rounds nowhere. Half precision is computed in f32, whose error is far below
-  // a half's unit, and rounded once.
+  // The oracle computes in f64 and rounds nowhere. Half precision is computed in f32, whose error is far
+  // below a half's unit, and rounded once.
   const Type wide = oracle ? Type::F64 : Type::F32;
   auto convert = [&](Type to, Value x) {
     if (oracle) b.setInstFlags(kInstKeep);

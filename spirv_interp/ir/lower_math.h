@@ -1,16 +1,16 @@
 // Lowerings of the high-level float operations, one set per number type.
 //
 // Plain operations only, no tables; the same bits everywhere. The methods are shared (lower_math_common.h);
-// each type brings its polynomials, its logarithm and its reduction of angles. Errors are measured against MPFR
-// in tests/ir/lower_math_*_test.cpp and, for the report, by bench/ulp.
+// each type brings its polynomials, its logarithm and its reduction of angles. Errors are measured against
+// MPFR in tests/ir/lower_math_*_test.cpp and, for the report, by bench/ulp.
 #pragma once
 
 #include "spirv_interp/ir/builder.h"
 
 namespace pumice::ir {
 
-//! x = quadrant * pi/2 + high + low, |high| <= pi/4 (a little more for large x). The last angle that was reduced
-//! is kept, since sine and cosine of one angle often stand together.
+//! x = quadrant * pi/2 + high + low, |high| <= pi/4 (a little more for large x). The last angle that was
+//! reduced is kept, since sine and cosine of one angle often stand together.
 struct ReducedAngle {
   Value quadrant = 0, high = 0, low = 0;
 };

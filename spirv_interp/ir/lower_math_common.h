@@ -1,6 +1,6 @@
-// The lowerings that f32 and f64 share. `Derived` is the set of one type: it derives from MathOf<Derived, Numbers>
-// and adds logTail(), logAtanhTail(), nearAngle() and
-// farAngle(); `Numbers` holds the type's constants and polynomials.
+// The lowerings that f32 and f64 share. `Derived` is the set of one type: it derives from MathOf<Derived,
+// Numbers> and adds logTail(), logAtanhTail(), nearAngle() and farAngle(); `Numbers` holds the type's
+// constants and polynomials.
 //
 // Methods: Cody-Waite argument reduction with fused multiply-add and minimax polynomials; see J.-M. Muller,
 // "Elementary Functions" (2016), and S. Moshier's Cephes for the choice of ranges. Angles too large for that
@@ -181,7 +181,8 @@ class MathOf {
   Value acos(Value x) {
     const Value a = b_.fabs(x), large = b_.flt(c(0.5f), a), negative = b_.flt(x, c(0));
     const Value p = asinCore(a, large), twice = b_.fadd(p, p);
-    const Value far = b_.select(negative, b_.fadd(b_.fsub(c(2 * N::kHalfPiLow), twice), c(2 * N::kHalfPi)), twice);
+    const Value far =
+        b_.select(negative, b_.fadd(b_.fsub(c(2 * N::kHalfPiLow), twice), c(2 * N::kHalfPi)), twice);
     const Value near = b_.fadd(c(N::kHalfPi), b_.fsub(c(N::kHalfPiLow), copySign(p, x)));
     return b_.select(large, far, near);
   }
@@ -307,7 +308,8 @@ class MathOf {
     const Value far = b_.maskAnd(b_.flt(c(N::kNearAngle), a), b_.flt(a, c(kInf)));
     if (uniform_) {
       const ReducedAngle f = self().farAngle(x);
-      r = {b_.select(far, f.quadrant, r.quadrant), b_.select(far, f.high, r.high), r.low ? b_.select(far, f.low, r.low) : 0};
+      r = {b_.select(far, f.quadrant, r.quadrant), b_.select(far, f.high, r.high),
+           r.low ? b_.select(far, f.low, r.low) : 0};
     } else {
       Value* parts[] = {&r.quadrant, &r.high, &r.low};
       Value vars[3] = {};
@@ -347,7 +349,8 @@ class MathOf {
   std::array<Value, Count> twoOverPi(Value offset, unsigned bits) {
     std::vector<Value> words;
     const size_t all = (size_t(1) << bits) + Count;
-    for (size_t k = 0; k < all; ++k) words.push_back(b_.i32(k < std::size(kTwoOverPiBits) ? kTwoOverPiBits[k] : 0));
+    for (size_t k = 0; k < all; ++k)
+      words.push_back(b_.i32(k < std::size(kTwoOverPiBits) ? kTwoOverPiBits[k] : 0));
     for (unsigned bit = bits; bit-- > 0;) {
       const size_t step = size_t(1) << bit;
       const Value m = isSet(offset, 32u << bit);
@@ -371,7 +374,8 @@ class MathOf {
     const Value s = b_.select(large, b_.fsqrt(z), a);
     return b_.fma(b_.fmul(s, z), polynomial(N::kAsin, z), s);
   }
-  // atan(low / high), 0 <= low <= high, in one division: beyond tan(pi/8) it is pi/4 + atan((l - h) / (l + h)).
+  // atan(low / high), 0 <= low <= high, in one division: beyond tan(pi/8) it is pi/4 + atan((l - h) / (l +
+  // h)).
   Value atanQuotient(Value low, Value high) {
     const Value upper = b_.flt(b_.fmul(high, c(Float(0x1.a8279ap-2))), low);
     const Value numerator = b_.select(upper, b_.fsub(low, high), low);

@@ -51,7 +51,8 @@ double worst(Op op, Type t, const std::vector<double>& x, const std::vector<doub
     exact.evaluate(op, x[k], y.empty() ? 0 : y[k]);
     if (const double u = exact.ulps(floatFormat(t), got[k]); !(u <= most)) most = u, where = k;
   }
-  std::printf("    %-7s worst error %.3f ulp at %a %a\n", opInfo(op).text, most, x[where], y.empty() ? 0 : y[where]);
+  std::printf("    %-7s worst error %.3f ulp at %a %a\n", opInfo(op).text, most, x[where],
+              y.empty() ? 0 : y[where]);
   return most;
 }
 
@@ -62,16 +63,42 @@ std::vector<double> line(double from, double to, size_t count) {
 }
 std::vector<double> everywhere(size_t count, unsigned seed = 7) {
   std::mt19937_64 random(seed);
-  std::vector<double> x{0., -0., 1., -1., INFINITY, -INFINITY, NAN, 0x1p-1074, -0x1p-1074, 0x1p-1022, 0x1.ffffffffffffep-1023,
-                        0x1.fffffffffffffp1023, -0x1.fffffffffffffp1023, 0.5, -0.5, 2., std::nextafter(1., 0.), std::nextafter(1., 2.),
-                        709.782712893384, 709.7827128933841, 710.4758600739439, 710.475860073944, -745.1332191019411, -745.1332191019412,
-                        1023.9999999999999, 1024., -1074., -1075., -1074.9999999999998};
+  std::vector<double> x{0.,
+                        -0.,
+                        1.,
+                        -1.,
+                        INFINITY,
+                        -INFINITY,
+                        NAN,
+                        0x1p-1074,
+                        -0x1p-1074,
+                        0x1p-1022,
+                        0x1.ffffffffffffep-1023,
+                        0x1.fffffffffffffp1023,
+                        -0x1.fffffffffffffp1023,
+                        0.5,
+                        -0.5,
+                        2.,
+                        std::nextafter(1., 0.),
+                        std::nextafter(1., 2.),
+                        709.782712893384,
+                        709.7827128933841,
+                        710.4758600739439,
+                        710.475860073944,
+                        -745.1332191019411,
+                        -745.1332191019412,
+                        1023.9999999999999,
+                        1024.,
+                        -1074.,
+                        -1075.,
+                        -1074.9999999999998};
   while (x.size() < count) x.push_back(std::bit_cast<double>(random()));
   return x;
 }
 // Angles of which much cancels: the doubles nearest to multiples of pi/2, up to the largest.
 std::vector<double> nearMultiples() {
-  std::vector<double> x{0x1.6ac5b262ca1ffp+849, 0x1.6ac5b262ca1ffp+850, 0x1.921fb54442d18p+0, 0x1.921fb54442d18p+1, 0x1.4c5f5bcd1d6bdp+10};
+  std::vector<double> x{0x1.6ac5b262ca1ffp+849, 0x1.6ac5b262ca1ffp+850, 0x1.921fb54442d18p+0,
+                        0x1.921fb54442d18p+1, 0x1.4c5f5bcd1d6bdp+10};
   mpfr_t p;
   mpfr_init2(p, 1300);
   std::mt19937_64 random(3);
@@ -86,11 +113,13 @@ std::vector<double> nearMultiples() {
 }
 
 TEST(LowerMathF64, everyFunctionIsExactToTwoToTheMinus49) {
-  constexpr Op kOps[] = {Op::FRsqrt, Op::FExp2, Op::FLog2, Op::FExp,  Op::FLog,  Op::FSin,   Op::FCos,   Op::FTan,  Op::FAsin,
-                         Op::FAcos,  Op::FAtan, Op::FSinh, Op::FCosh, Op::FTanh, Op::FAsinh, Op::FAcosh, Op::FAtanh};
+  constexpr Op kOps[] = {Op::FRsqrt, Op::FExp2, Op::FLog2,  Op::FExp,   Op::FLog,  Op::FSin,
+                         Op::FCos,   Op::FTan,  Op::FAsin,  Op::FAcos,  Op::FAtan, Op::FSinh,
+                         Op::FCosh,  Op::FTanh, Op::FAsinh, Op::FAcosh, Op::FAtanh};
   // The error of the unit in the last place is 2^-53 to 2^-52 of the value.
   for (Op op : kOps)
-    for (const auto& x : {line(-1, 1, 3001), line(-7, 7, 2001), line(0.9, 1.1, 1001), line(-760, 760, 3001), everywhere(3000)})
+    for (const auto& x : {line(-1, 1, 3001), line(-7, 7, 2001), line(0.9, 1.1, 1001), line(-760, 760, 3001),
+                          everywhere(3000)})
       EXPECT_LT(worst(op, Type::F64, x), 4.0) << opInfo(op).text;
 }
 
@@ -104,7 +133,10 @@ TEST(LowerMathF64, hugeAngles) {
 
 TEST(LowerMathF64, hugeAnglesOfFloats) {
   std::mt19937 random(9);
-  std::vector<double> x{0x1.fffffep127f, -0x1.fffffep127f, 0x1.000002p19f, 0x1.5b2c7cp+25f, 0x1.f37f9ep+79f, 1e6f, -1e6f, 1e10f};
+  std::vector<double> x{0x1.fffffep127f, -0x1.fffffep127f,
+                        0x1.000002p19f,  0x1.5b2c7cp+25f,
+                        0x1.f37f9ep+79f, 1e6f,
+                        -1e6f,           1e10f};
   while (x.size() < 40000) {
     const auto f = std::bit_cast<float>(uint32_t(random()));
     if (std::fabs(f) > 0x1p18f && std::isfinite(f)) x.push_back(f);
@@ -163,8 +195,10 @@ TEST(LowerMathF64, powersOfTheExtremes) {
 
 TEST(LowerMathF64, arcTangentOfTwo) {
   std::vector<double> y = everywhere(8000), x = everywhere(8000, 11);
-  for (double s : {0., -0., 1., -1., double(INFINITY), -double(INFINITY), double(NAN), 0x1p-1074, 0x1.fffffffffffffp1023})
-    for (double t : {0., -0., 1., -1., double(INFINITY), -double(INFINITY), double(NAN), 0x1p-1074, -0x1.fffffffffffffp1023})
+  for (double s : {0., -0., 1., -1., double(INFINITY), -double(INFINITY), double(NAN), 0x1p-1074,
+                   0x1.fffffffffffffp1023})
+    for (double t : {0., -0., 1., -1., double(INFINITY), -double(INFINITY), double(NAN), 0x1p-1074,
+                     -0x1.fffffffffffffp1023})
       y.push_back(s), x.push_back(t);
   for (double a = -3.2; a < 3.2; a += 1e-3) y.push_back(std::sin(a)), x.push_back(std::cos(a));
   EXPECT_LT(worst(Op::FAtan2, Type::F64, y, x), 3.0);

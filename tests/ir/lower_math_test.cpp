@@ -231,6 +231,5 @@ TEST(LowerMath, halvesAreRoundedOnce) {
   EXPECT_LT(off, 30u) << "only near midpoints may the two roundings differ";
 }
 
-
 }  // namespace
 }  // namespace pumice::ir

@@ -14,7 +14,9 @@ struct FloatFormat {
   int precision, lowestExponent, highestExponent;  //!< of the normal numbers: 1.m * 2^e
 };
 constexpr FloatFormat floatFormat(Type t) {
-  return t == Type::F16 ? FloatFormat{11, -14, 15} : t == Type::F32 ? FloatFormat{24, -126, 127} : FloatFormat{53, -1022, 1023};
+  return t == Type::F16   ? FloatFormat{11, -14, 15}
+         : t == Type::F32 ? FloatFormat{24, -126, 127}
+                          : FloatFormat{53, -1022, 1023};
 }
 
 class Reference {
@@ -28,7 +30,8 @@ class Reference {
   Reference(const Reference&) = delete;
   Reference& operator=(const Reference&) = delete;
 
-  //! Sets the exact value of op(x) or op(x, y), of which value() is the nearest double. False: no such operation.
+  //! Sets the exact value of op(x) or op(x, y), of which value() is the nearest double. False: no such
+  //! operation.
   bool evaluate(Op op, double x, double y = 0) {
     mpfr_set_d(x_, x, MPFR_RNDN);
     mpfr_set_d(y_, y, MPFR_RNDN);
@@ -81,17 +84,21 @@ class Reference {
 
   double value() const { return mpfr_get_d(exact_, MPFR_RNDN); }
 
-  //! |got - exact| in units of the exact value's last place in the format; of the smallest denormal's below the
-  //! normal range. Infinity where only one of them is NaN, or an infinity is missed.
+  //! |got - exact| in units of the exact value's last place in the format; of the smallest denormal's below
+  //! the normal range. Infinity where only one of them is NaN, or an infinity is missed or invented.
   double ulps(FloatFormat f, double got) {
-    if (mpfr_nan_p(exact_) || std::isnan(got)) return bool(mpfr_nan_p(exact_)) == std::isnan(got) ? 0 : INFINITY;
+    if (mpfr_nan_p(exact_) || std::isnan(got))
+      return bool(mpfr_nan_p(exact_)) == std::isnan(got) ? 0 : INFINITY;
     const double overflow = f.highestExponent == 1023 ? INFINITY : std::ldexp(1.0, f.highestExponent + 1);
     const bool negative = mpfr_signbit(exact_);
-    // What rounds to infinity is infinite; a wrong infinity counts as the next number beyond the range.
-    mpfr_set_ui_2exp(error_, (1ul << 54) - (1ul << (54 - f.precision - 1)), f.highestExponent + 1 - 54, MPFR_RNDN);
+    // What rounds to infinity is infinite; an infinity where the last numbers before it are due
+    // counts as the next number beyond the range.
+    mpfr_set_ui_2exp(error_, (1ul << 54) - (1ul << (54 - f.precision - 1)), f.highestExponent + 1 - 54,
+                     MPFR_RNDN);
     const bool infinite = mpfr_cmpabs(exact_, error_) >= 0;
     if (std::isinf(got) && infinite) return std::signbit(got) == negative ? 0 : INFINITY;
     if (mpfr_inf_p(exact_)) return INFINITY;
+    if (std::isinf(got) && mpfr_get_exp(exact_) <= f.highestExponent) return INFINITY;
     if (std::isinf(got) && std::isinf(overflow)) {
       mpfr_set_ui_2exp(error_, 1, 1024, MPFR_RNDN);
       if (got < 0) mpfr_neg(error_, error_, MPFR_RNDN);
@@ -109,7 +116,8 @@ class Reference {
 
   //! |got - exact|.
   double difference(double got) {
-    if (mpfr_nan_p(exact_) || std::isnan(got)) return bool(mpfr_nan_p(exact_)) == std::isnan(got) ? 0 : INFINITY;
+    if (mpfr_nan_p(exact_) || std::isnan(got))
+      return bool(mpfr_nan_p(exact_)) == std::isnan(got) ? 0 : INFINITY;
     mpfr_set_d(error_, got, MPFR_RNDN);
     if (mpfr_equal_p(error_, exact_)) return 0;
     mpfr_sub(error_, error_, exact_, MPFR_RNDN);

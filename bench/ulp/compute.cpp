@@ -1,0 +1,162 @@
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "bench/ulp/runners.h"
+#include "cts_subset/harness/shader.h"
+#include "cts_subset/harness/workspace.h"
+
+namespace pumice::ulp {
+
+namespace {
+
+using cts::check;
+
+constexpr uint32_t kGroup = 64, kTimedLanes = 1 << 15, kTimedCalls = 16;
+
+std::string shaderOf(const std::string& expression, bool timed) {
+  const std::string head =
+      "#version 450\n"
+      "layout(local_size_x = 64) in;\n"
+      "layout(push_constant) uniform P { uint count; uint calls; float step; };\n"
+      "layout(binding = 0) readonly buffer X { float xs[]; };\n"
+      "layout(binding = 1) readonly buffer Y { float ys[]; };\n"
+      "layout(binding = 2) writeonly buffer R { float results[]; };\n"
+      "void main() {\n"
+      "  uint i = gl_GlobalInvocationID.x;\n"
+      "  if (i >= count) return;\n"
+      "  float x = xs[i], y = ys[i];\n";
+  if (!timed) return head + "  results[i] = " + expression + ";\n}\n";
+  return head + "  float sum = 0;\n  for (uint k = 0; k < calls; k++) {\n    sum += " + expression +
+         ";\n    x += step;\n  }\n  results[i] = sum;\n}\n";
+}
+
+class Driver final : public ComputeDriver {
+ public:
+  Driver(std::shared_ptr<cts::VulkanInstance> instance, VkPhysicalDevice physical)
+      : instance_(std::move(instance)), device_(physical) {}
+
+  std::string name() const override { return device_.name(); }
+
+  std::vector<float> run(const Function& f, const Inputs& inputs) override {
+    std::vector<float> x(inputs.x.begin(), inputs.x.end()), y(inputs.y.begin(), inputs.y.end()), results;
+    y.resize(x.size());
+    dispatch(shaderOf(f.glsl, false), x, y, 1, 1, &results);
+    return results;
+  }
+
+  double nanoseconds(const Function& f) override {
+    const bool shifted = f.op == ir::Op::FAcosh;
+    if (!baseline_.count(shifted)) baseline_[shifted] = timed("x", shifted);
+    return std::max(0.0, timed(f.glsl, shifted) - baseline_[shifted]);
+  }
+
+ private:
+  double timed(const std::string& expression, bool shifted) {
+    std::vector<float> x(kTimedLanes), y(kTimedLanes);
+    for (uint32_t i = 0; i < kTimedLanes; ++i)
+      x[i] = (shifted ? 1.1f : 0.1f) + 0.7f * float(i) / float(kTimedLanes),
+      y[i] = 0.9f - 0.8f * float(i % 977) / 977;
+    return dispatch(shaderOf(expression, true), x, y, kTimedCalls, 40, nullptr) / kTimedLanes / kTimedCalls;
+  }
+
+  //! Runs `repeats` times; nanoseconds of the fastest.
+  double dispatch(const std::string& glsl, const std::vector<float>& x, const std::vector<float>& y,
+                  uint32_t calls, unsigned repeats, std::vector<float>* results) {
+    cts::Workspace w(device_);
+    const auto usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+    const cts::Buffer buffers[] = {w.bufferOf(x, usage), w.bufferOf(y, usage), w.buffer(x.size() * 4, usage)};
+
+    VkDescriptorSetLayoutBinding bindings[3] = {};
+    for (uint32_t k = 0; k < 3; ++k)
+      bindings[k] = {k, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
+    VkDescriptorSetLayoutCreateInfo setInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0,
+                                            3, bindings};
+    VkDescriptorSetLayout setLayout = VK_NULL_HANDLE;
+    check(vkCreateDescriptorSetLayout(device_.handle, &setInfo, nullptr, &setLayout),
+          "vkCreateDescriptorSetLayout");
+    w.onDestroy([=, this] { vkDestroyDescriptorSetLayout(device_.handle, setLayout, nullptr); });
+
+    struct Push {
+      uint32_t count, calls;
+      float step;
+    } push{uint32_t(x.size()), calls, 0x1p-8f};
+    const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof push};
+    VkPipelineLayoutCreateInfo layoutInfo{
+        VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout, 1, &range};
+    VkPipelineLayout layout = VK_NULL_HANDLE;
+    check(vkCreatePipelineLayout(device_.handle, &layoutInfo, nullptr, &layout), "vkCreatePipelineLayout");
+    w.onDestroy([=, this] { vkDestroyPipelineLayout(device_.handle, layout, nullptr); });
+
+    VkComputePipelineCreateInfo pipelineInfo{};
+    pipelineInfo.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+    pipelineInfo.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    pipelineInfo.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+    pipelineInfo.stage.module = w.shader(VK_SHADER_STAGE_COMPUTE_BIT, glsl);
+    pipelineInfo.stage.pName = "main";
+    pipelineInfo.layout = layout;
+    VkPipeline pipeline = VK_NULL_HANDLE;
+    check(vkCreateComputePipelines(device_.handle, VK_NULL_HANDLE, 1, &pipelineInfo, nullptr, &pipeline),
+          "vkCreateComputePipelines");
+    w.onDestroy([=, this] { vkDestroyPipeline(device_.handle, pipeline, nullptr); });
+
+    const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3};
+    VkDescriptorPoolCreateInfo poolInfo{
+        VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 1, &size};
+    VkDescriptorPool pool = VK_NULL_HANDLE;
+    check(vkCreateDescriptorPool(device_.handle, &poolInfo, nullptr, &pool), "vkCreateDescriptorPool");
+    w.onDestroy([=, this] { vkDestroyDescriptorPool(device_.handle, pool, nullptr); });
+    VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1,
+                                         &setLayout};
+    VkDescriptorSet set = VK_NULL_HANDLE;
+    check(vkAllocateDescriptorSets(device_.handle, &allocate, &set), "vkAllocateDescriptorSets");
+    VkDescriptorBufferInfo infos[3];
+    VkWriteDescriptorSet writes[3] = {};
+    for (uint32_t k = 0; k < 3; ++k) {
+      infos[k] = {buffers[k].handle, 0, VK_WHOLE_SIZE};
+      writes[k].sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+      writes[k].dstSet = set;
+      writes[k].dstBinding = k;
+      writes[k].descriptorCount = 1;
+      writes[k].descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+      writes[k].pBufferInfo = &infos[k];
+    }
+    vkUpdateDescriptorSets(device_.handle, 3, writes, 0, nullptr);
+
+    double least = INFINITY;
+    for (unsigned n = 0; n < repeats; ++n) {
+      const double start = processorTime();
+      device_.run([&](VkCommandBuffer commands) {
+        vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+        vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+        vkCmdPushConstants(commands, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof push, &push);
+        vkCmdDispatch(commands, (push.count + kGroup - 1) / kGroup, 1, 1);
+        cts::fullBarrier(commands);
+      });
+      least = std::min(least, processorTime() - start);
+    }
+    if (results) {
+      results->resize(x.size());
+      std::memcpy(results->data(), buffers[2].mapped, x.size() * 4);
+    }
+    return least;
+  }
+
+  std::shared_ptr<cts::VulkanInstance> instance_;
+  cts::Device device_;
+  std::map<bool, double> baseline_;
+};
+
+}  // namespace
+
+std::vector<std::unique_ptr<ComputeDriver>> openDrivers() {
+  cts::selectDrivers();
+  std::vector<std::unique_ptr<ComputeDriver>> drivers;
+  const auto instance = std::make_shared<cts::VulkanInstance>(false);
+  for (const std::string& prefix : {cts::testedDeviceName(), std::string(cts::kLavapipeName)})
+    if (const VkPhysicalDevice physical = instance->find(prefix))
+      drivers.push_back(std::make_unique<Driver>(instance, physical));
+  return drivers;
+}
+
+}  // namespace pumice::ulp
