@@ -283,6 +283,130 @@ void main() { Node n = p.first.next; n.list[gl_VertexIndex].y = 3; gl_Position =
   EXPECT_EQ(countOps(*shader, ir::Op::Store), 1u);
 }
 
+TEST(Coverage, SourceLinesReachTheInstructions) {
+  // Line 1 is the version.
+  auto shader = translated(GlslStage::Vertex, "layout(location=0) in vec4 a;\nlayout(location=0) out vec4 r;\nvoid main() {\n"
+                                              "  vec4 b = sin(a);\n\n  r = b / a;\n}\n");
+  ASSERT_TRUE(shader);
+  for (const ir::Inst& inst : shader->function.insts) {
+    if (inst.op == ir::Op::FSin || inst.op == ir::Op::FDiv) {
+      EXPECT_EQ(inst.line, inst.op == ir::Op::FSin ? 5u : 7u);
+    }
+  }
+  EXPECT_EQ(countOps(*shader, ir::Op::FSin), 4u);
+}
+
+TEST(Coverage, DebugPrintfIsIgnored) {
+  auto shader = translated(GlslStage::Vertex, R"(#extension GL_EXT_debug_printf : require
+layout(location=0) in vec4 a;
+void main() { debugPrintfEXT("%v4f and %d", a, gl_VertexIndex); gl_Position = a; })");
+  ASSERT_TRUE(shader);
+  EXPECT_EQ(countOps(*shader, ir::Op::ShaderOutput), 4u);
+}
+
+TEST(Coverage, NonSemanticDebugLines) {
+  std::string log;
+  auto words = test::assemble(R"(
+OpCapability Shader
+OpExtension "SPV_KHR_non_semantic_info"
+%debug = OpExtInstImport "NonSemantic.Shader.DebugInfo.100"
+OpMemoryModel Logical GLSL450
+OpEntryPoint Vertex %main "main" %in %out
+%name = OpString "file.vert"
+OpDecorate %in Location 0
+OpDecorate %out Location 0
+%void = OpTypeVoid
+%fn = OpTypeFunction %void
+%float = OpTypeFloat 32
+%uint = OpTypeInt 32 0
+%u1 = OpConstant %uint 1
+%u77 = OpConstant %uint 77
+%pin = OpTypePointer Input %float
+%pout = OpTypePointer Output %float
+%in = OpVariable %pin Input
+%out = OpVariable %pout Output
+%source = OpExtInst %void %debug DebugSource %name
+%main = OpFunction %void None %fn
+%entry = OpLabel
+%v = OpLoad %float %in
+%line = OpExtInst %void %debug DebugLine %source %u77 %u77 %u1 %u1
+%d = OpFDiv %float %v %v
+%noline = OpExtInst %void %debug DebugNoLine
+%m = OpFMul %float %d %d
+OpStore %out %m
+OpReturn
+OpFunctionEnd
+)", &log);
+  ASSERT_FALSE(words.empty()) << log;
+  auto module = parseModule(words);
+  ASSERT_TRUE(module.hasValue()) << module.error().message;
+  auto shader = translate(**module, Stage::Vertex, "main", {});
+  ASSERT_TRUE(shader.hasValue()) << shader.error().message;
+  size_t found = 0;
+  for (const ir::Inst& inst : (*shader)->function.insts) {
+    if (inst.op == ir::Op::FDiv) found += inst.line == 77;
+    if (inst.op == ir::Op::FMul) found += inst.line == 0;
+  }
+  EXPECT_EQ(found, 2u);
+}
+
+TEST(Coverage, VulkanMemoryModel) {
+  auto shader = translated(GlslStage::Compute, R"(#pragma use_vulkan_memory_model
+#extension GL_KHR_memory_scope_semantics : require
+layout(local_size_x=4) in;
+layout(binding=0) workgroupcoherent buffer B { uint n; uint m[4]; } b;
+shared uint s;
+void main() {
+  atomicStore(s, 3u, gl_ScopeWorkgroup, gl_StorageSemanticsShared, gl_SemanticsRelease | gl_SemanticsMakeAvailable);
+  controlBarrier(gl_ScopeWorkgroup, gl_ScopeWorkgroup, gl_StorageSemanticsShared, gl_SemanticsAcquireRelease);
+  b.m[gl_LocalInvocationIndex] = b.n + s;
+})");
+  ASSERT_TRUE(shader);
+  EXPECT_TRUE(shader->usesBarrier);
+  EXPECT_EQ(countOps(*shader, ir::Op::Load), 1u);
+}
+
+TEST(Coverage, SubgroupsInOtherStages) {
+  for (GlslStage stage : {GlslStage::Vertex, GlslStage::Fragment}) {
+    auto shader = translated(stage, R"(#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_quad : require
+layout(location=0) in vec4 a;
+layout(location=0) out vec4 r;
+void main() { r = subgroupAdd(a) + subgroupQuadSwapDiagonal(a) * float(gl_SubgroupInvocationID); })");
+    ASSERT_TRUE(shader);
+    EXPECT_EQ(countOps(*shader, ir::Op::SubgroupReduce), 4u);
+    EXPECT_EQ(countOps(*shader, ir::Op::QuadSwizzle), 4u);
+    EXPECT_TRUE(shader->inputBuiltIns.empty());
+  }
+}
+
+TEST(Coverage, FloatControls) {
+  for (auto [mode, good] : {std::pair("DenormPreserve 32", true), {"SignedZeroInfNanPreserve 32", true}, {"RoundingModeRTE 32", true},
+                            {"DenormPreserve 16", false}}) {
+    std::string name = mode, capability = name.substr(0, name.find(' ')), log;
+    auto words = test::assemble("OpCapability Shader\nOpCapability " + capability + R"(
+OpExtension "SPV_KHR_float_controls"
+OpMemoryModel Logical GLSL450
+OpEntryPoint Vertex %main "main"
+OpExecutionMode %main )" + name + R"(
+%void = OpTypeVoid
+%fn = OpTypeFunction %void
+%main = OpFunction %void None %fn
+%entry = OpLabel
+OpReturn
+OpFunctionEnd
+)", &log);
+    ASSERT_FALSE(words.empty()) << log;
+    auto module = parseModule(words);
+    ASSERT_TRUE(module.hasValue()) << module.error().message;
+    auto shader = translate(**module, Stage::Vertex, "main", {});
+    EXPECT_EQ(shader.hasValue(), good) << mode << (shader ? "" : shader.error().message);
+    if (!shader) {
+      EXPECT_NE(shader.error().message.find(capability), std::string::npos) << shader.error().message;
+    }
+  }
+}
+
 TEST(Coverage, WhatIsNotSupportedIsNamed) {
   std::string log;
   auto words = test::compileGlsl(GlslStage::Compute, R"(#version 450
