@@ -64,6 +64,11 @@ void Translator::translateConstant(const Instruction& inst) {
     case spv::Op::OpConstantNull:
     case spv::Op::OpUndef:
       if (t.scalars == 0) fail("%s of a type without value", opcodeName(inst.op).c_str());
+      // Offset 0 of work-group memory is a place like any other; this one is outside.
+      if (t.kind == TypeInfo::Pointer && t.storage == spv::StorageClass::Workgroup) {
+        define(inst, {b.i32(~0u)});
+        return;
+      }
       define(inst, zeros(inst.resultType));
       return;
     case spv::Op::OpSpecConstantOp: {

@@ -255,7 +255,7 @@ void onPtrAccessChain(Translator& t, const Instruction& inst, uint32_t) {
   t.definePointer(inst, t.accessChain(p, inst.operands.subspan(2)));
 }
 
-// Null is all zeros; of two pointers into one buffer the sizes are the same.
+// Null is all zeros (of work-group memory all ones); of two pointers into one buffer the sizes are the same.
 void onPointerEqual(Translator& t, const Instruction& inst, uint32_t inverted) {
   const std::vector<Value>&x = t.data(inst.operand(0)), &y = t.data(inst.operand(1));
   if (x.empty() || x.size() != y.size()) fail("%s of different kinds of pointers", opcodeName(inst.op).c_str());

@@ -60,6 +60,7 @@ OpDecorate %r Binding 2
 %pwg = OpTypePointer Workgroup %uint
 %wg1 = OpVariable %pshared Workgroup
 %wg2 = OpVariable %pshared Workgroup
+%null_wg = OpConstantNull %pwg
 %pvar = OpTypePointer Function %ptr
 %pickfn = OpTypeFunction %ptr %bool %ptr %ptr
 %gid = OpVariable %pin Input
@@ -201,7 +202,11 @@ OpCopyMemory %pb %four
 %length = OpArrayLength %uint %r 0
 %d = OpPtrDiff %int %four %pw
 %du = OpBitcast %uint %d
-)" + store(0, "%old") + store(1, "%v") + store(2, "%v1") + store(3, "%length") + store(4, "%du"), "", b);
+%wg0 = OpAccessChain %pwg %wg1 %n0
+%is_null = OpPtrEqual %bool %wg0 %null_wg
+%null_v = OpLoad %uint %null_wg
+%null_r = OpSelect %uint %is_null %n100 %null_v
+)" + store(0, "%old") + store(1, "%v") + store(2, "%v1") + store(3, "%length") + store(4, "%du") + store(5, "%null_r"), "", b);
   if (HasFailure()) return;
   for (uint32_t i = 0; i < 32; i++) {
     const uint32_t* r = &b[2][i * 8];
@@ -211,6 +216,7 @@ OpCopyMemory %pb %four
     EXPECT_EQ(r[2], i & 1 ? (i < 4 ? 5u : 100u) : 0u) << i;
     EXPECT_EQ(r[3], 256u);
     EXPECT_EQ(r[4], 4u);
+    EXPECT_EQ(r[5], 0u);
     EXPECT_EQ(b[1][i], 100u);
   }
 }
