@@ -91,9 +91,9 @@ void mask(benchmark::State& state) {
   bench.measure(state, f, 64);
 }
 
-//! One load per lane from neighbouring (1) or scattered (97) elements of a buffer.
+//! One load per lane from one (0), neighbouring (1) or scattered (97) elements of a buffer.
 void load(benchmark::State& state) {
-  static float data[4096];
+  static float data[4096 + 32];
   Function f;
   Builder b(f);
   const Value base = b.uniform(Type::I64, 48), size = b.uniform(Type::I64, 56);
@@ -104,6 +104,37 @@ void load(benchmark::State& state) {
   Bench bench;
   const uint64_t pair[2] = {reinterpret_cast<uint64_t>(data), sizeof data};
   std::memcpy(&bench.uniforms[12], pair, 16);
+  bench.measure(state, f, 32);
+}
+
+//! The same for stores.
+void store(benchmark::State& state) {
+  static float data[4096 + 32];
+  Function f;
+  Builder b(f);
+  const Value base = b.uniform(Type::I64, 48), size = b.uniform(Type::I64, 56);
+  const Value at = b.and_(b.imul(b.laneId(), b.i32(uint32_t(state.range(0)) * 4)), b.i32(16383 & ~3u)), v = b.input(Type::F32, 0);
+  for (unsigned n = 0; n < 32; n++) b.store(base, at, size, v, n * 4);
+  Bench bench;
+  const uint64_t pair[2] = {reinterpret_cast<uint64_t>(data), sizeof data};
+  std::memcpy(&bench.uniforms[12], pair, 16);
+  bench.measure(state, f, 32);
+}
+
+//! An array of each lane's own, indexed alike (0) or differently (1) by the lanes: 16 stores and 16 loads.
+void local(benchmark::State& state) {
+  Function f;
+  Builder b(f);
+  const Value array = b.emit(Op::LocalAlloc, Type::I32, {}, 256), v = b.input(Type::F32, 0);
+  const Value at = b.shl(b.and_(state.range(0) ? b.laneId() : b.and_(b.laneId(), b.uniform(Type::I32, 60)), b.i32(31)), b.i32(2));
+  Value sum = v;
+  for (unsigned n = 0; n < 16; n++) {
+    b.emit(Op::LocalStore, Type::None, {array, at, sum}, n * 8);
+    sum = b.fadd(sum, b.emit(Op::LocalLoad, Type::F32, {array, at}, n * 4));
+  }
+  b.output(0, sum);
+  Bench bench;
+  bench.uniforms[15] = 0;
   bench.measure(state, f, 32);
 }
 
@@ -202,7 +233,9 @@ OPERATION(FExp2, F32, 1);
 OPERATION(FLog2, F32, 1);
 OPERATION(FSin, F32, 1);
 BENCHMARK(mask);
-BENCHMARK(load)->Arg(1)->Arg(97);
+BENCHMARK(load)->Arg(0)->Arg(1)->Arg(97);
+BENCHMARK(store)->Arg(1)->Arg(97);
+BENCHMARK(local)->Arg(0)->Arg(1);
 BENCHMARK(loop)->Arg(4)->Arg(16)->Arg(64)->Arg(128);
 BENCHMARK(loopCpp);
 BENCHMARK(compile)->Unit(benchmark::kMicrosecond);

@@ -102,6 +102,7 @@ void addFloatKernels(int64_t targetBit, KernelTable& table);
 void addIntKernels(int64_t targetBit, KernelTable& table);
 void addMoveKernels(int64_t targetBit, KernelTable& table);
 void addConvertKernels(int64_t targetBit, KernelTable& table);
+void addGatherKernels(int64_t targetBit, KernelTable& table);
 void addMemoryKernels(KernelTable& table);
 void addControlKernels(KernelTable& table);
 void addSubgroupKernels(KernelTable& table);

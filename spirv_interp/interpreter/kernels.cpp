@@ -77,6 +77,7 @@ const KernelTable& kernelTable(const Target& target) {
     addMoveKernels(target.bit, *entry.table);
     addConvertKernels(target.bit, *entry.table);
     addMemoryKernels(*entry.table);
+    addGatherKernels(target.bit, *entry.table);
     addControlKernels(*entry.table);
     addSubgroupKernels(*entry.table);
   });

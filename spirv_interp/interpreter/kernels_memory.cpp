@@ -1,74 +1,47 @@
 // Memory operations: buffers, tables, per-lane local memory, work-group memory, quad records, attachment
-// tiles. Lanes go one by one in lane order; a lane out of bounds reads 0 and writes nothing.
+// tiles. Lanes go one by one in lane order; a lane out of bounds reads 0 and writes nothing. The common shapes of
+// plain loads and stores have faster kernels in kernels_gather.cpp.
 #include <bit>
 #include <cstring>
 
-#include "spirv_interp/interpreter/bytecode.h"
+#include "spirv_interp/interpreter/memory.h"
 
 namespace pumice::interp {
 namespace {
 
 using ir::Op, ir::Type;
 
-//! Calls f(lane) for each active lane, in order.
-template <class F>
-inline void eachActive(const RunState& s, F f) {
-  if (s.full()) {
-    for (uint32_t i = 0, end = s.lanes; i < end; i++) f(i);
-    return;
-  }
-  for (unsigned w = 0; w < kMaskWords; w++)
-    for (uint64_t bits = s.exec[w]; bits; bits &= bits - 1) f(w * 64 + unsigned(__builtin_ctzll(bits)));
-}
-
-template <class T>
-inline T read(const void* p) {
-  T v;
-  std::memcpy(&v, p, sizeof(T));
-  return v;
-}
-template <class T>
-inline void write(void* p, T v) {
-  std::memcpy(p, &v, sizeof(T));
-}
-
-//! offset + constant + bytes <= size, without wrapping. On success `at` is offset + constant.
-inline bool inside(uint64_t offset, uint64_t constant, uint64_t bytes, uint64_t size, uint64_t& at) {
-  at = offset + constant;
-  return at >= offset && size >= bytes && at <= size - bytes;
-}
-
-//! Operands base, offset, size as rows or (kUniform) base and size uniform.
-template <bool kUniform, class Offset>
+//! Operands base, offset and size as rows.
+template <class Offset>
 struct Buffer {
   const uint64_t* base;
   const Offset* offset;
   const uint64_t* size;
   uint64_t constant;
   Buffer(const RunState& s, const Code* c)
-      : base(kUniform ? &s.uniform<uint64_t>(c->src[0]) : s.row<uint64_t>(c->src[0])),
+      : base(s.row<uint64_t>(c->src[0])),
         offset(s.row<Offset>(c->src[1])),
-        size(kUniform ? &s.uniform<uint64_t>(c->src[2]) : s.row<uint64_t>(c->src[2])),
+        size(s.row<uint64_t>(c->src[2])),
         constant(uint32_t(c->imm)) {}
   //! Where lane i may access `bytes` bytes, or null.
   std::byte* at(uint32_t i, uint64_t bytes) const {
-    const uint64_t b = base[kUniform ? 0 : i];
+    const uint64_t b = base[i];
     uint64_t where;
-    if (!b || !inside(offset[i], constant, bytes, size[kUniform ? 0 : i], where)) return nullptr;
+    if (!b || !inside(offset[i], constant, bytes, size[i], where)) return nullptr;
     return reinterpret_cast<std::byte*>(b + where);
   }
 };
 //! Calls f(buffer) for the width of offsets that the instruction has.
-template <bool kUniform, class F>
+template <class F>
 inline void withBuffer(const RunState& s, const Code* c, F f) {
-  if (c->imm & kImmOffset64) f(Buffer<kUniform, uint64_t>(s, c));
-  else f(Buffer<kUniform, uint32_t>(s, c));
+  if (c->imm & kImmOffset64) f(Buffer<uint64_t>(s, c));
+  else f(Buffer<uint32_t>(s, c));
 }
 
-template <class T, bool kUniform>
+template <class T>
 const Code* load(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
-  withBuffer<kUniform>(s, c, [&](const auto& buffer) {
+  withBuffer(s, c, [&](const auto& buffer) {
     eachActive(s, [&](uint32_t i) {
       const std::byte* p = buffer.at(i, sizeof(T));
       dst[i] = p ? read<T>(p) : T(0);
@@ -91,10 +64,10 @@ const Code* loadUniform(RunState& s, const Code* c) {
   return c + 1;
 }
 
-template <class T, bool kUniform>
+template <class T>
 const Code* store(RunState& s, const Code* c) {
   const T* value = s.row<T>(c->src[3]);
-  withBuffer<kUniform>(s, c, [&](const auto& buffer) {
+  withBuffer(s, c, [&](const auto& buffer) {
     eachActive(s, [&](uint32_t i) {
       if (std::byte* p = buffer.at(i, sizeof(T))) write<T>(p, value[i]);
     });
@@ -148,7 +121,7 @@ template <class T>
 const Code* atomic(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const T* value = s.row<T>(c->src[3]);
-  withBuffer<false>(s, c, [&](const auto& buffer) {
+  withBuffer(s, c, [&](const auto& buffer) {
     eachActive(s, [&](uint32_t i) {
       std::byte* p = buffer.at(i, sizeof(T));
       dst[i] = p ? atomicUpdate(reinterpret_cast<T*>(p), atomicOpOf(c), value[i]) : T(0);
@@ -161,7 +134,7 @@ const Code* atomicCompareExchange(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const T* value = s.row<T>(c->src[3]);
   const T* comparator = s.row<T>(c->src[4]);
-  withBuffer<false>(s, c, [&](const auto& buffer) {
+  withBuffer(s, c, [&](const auto& buffer) {
     eachActive(s, [&](uint32_t i) {
       std::byte* p = buffer.at(i, sizeof(T));
       dst[i] = p ? atomicCas(reinterpret_cast<T*>(p), value[i], comparator[i]) : T(0);
@@ -175,13 +148,6 @@ inline T readTable(const RunState& s, const Code* c, uint32_t offset) {
   const Table& table = s.tables[c->imm >> 32];
   uint64_t where;
   return inside(offset, uint32_t(c->imm), sizeof(T), table.size, where) ? read<T>(table.data + where) : T(0);
-}
-template <class T>
-const Code* tableLoad(RunState& s, const Code* c) {
-  T* dst = s.row<T>(c->dst);
-  const uint32_t* offset = s.row<uint32_t>(c->src[0]);
-  eachActive(s, [&](uint32_t i) { dst[i] = readTable<T>(s, c, offset[i]); });
-  return c + 1;
 }
 template <class T>
 const Code* tableLoadUniform(RunState& s, const Code* c) {
@@ -201,51 +167,19 @@ const Code* uniformInput(RunState& s, const Code* c) {
   return c + 1;
 }
 
-// Local memory: word w of lane l lies at word w * kMaxLanes + l, so that lanes with equal offsets are neighbours.
-inline std::byte* localByte(const RunState& s, uint32_t area, uint64_t at, uint32_t lane) {
-  return s.local + area + ((at >> 2) * kMaxLanes + lane) * 4 + (at & 3);
-}
-template <class T>
-inline T readLocal(const RunState& s, uint32_t area, uint64_t at, uint32_t lane) {
-  if (sizeof(T) <= 4 && at % sizeof(T) == 0) return read<T>(localByte(s, area, at, lane));
-  std::byte bytes[sizeof(T)];
-  for (unsigned b = 0; b < sizeof(T); b++) bytes[b] = *localByte(s, area, at + b, lane);
-  return read<T>(bytes);
-}
-template <class T>
-inline void writeLocal(const RunState& s, uint32_t area, uint64_t at, uint32_t lane, T v) {
-  if (sizeof(T) <= 4 && at % sizeof(T) == 0) {
-    write<T>(localByte(s, area, at, lane), v);
-    return;
-  }
-  std::byte bytes[sizeof(T)];
-  write<T>(bytes, v);
-  for (unsigned b = 0; b < sizeof(T); b++) *localByte(s, area, at + b, lane) = bytes[b];
-}
 //! src[3] = area's start in local memory, imm = its size in bytes a lane
 const Code* localAlloc(RunState& s, const Code* c) {
   std::memset(s.local + c->src[3], 0, (c->imm + 3) / 4 * 4 * kMaxLanes);
   return c + 1;
 }
-//! src: offset row, (value row), -, area, size
 template <class T>
 const Code* localLoad(RunState& s, const Code* c) {
-  T* dst = s.row<T>(c->dst);
-  const uint32_t* offset = s.row<uint32_t>(c->src[0]);
-  eachActive(s, [&](uint32_t i) {
-    uint64_t at;
-    dst[i] = inside(offset[i], uint32_t(c->imm), sizeof(T), c->src[4], at) ? readLocal<T>(s, c->src[3], at, i) : T(0);
-  });
+  localLoadLanes<T>(s, c);
   return c + 1;
 }
 template <class T>
 const Code* localStore(RunState& s, const Code* c) {
-  const uint32_t* offset = s.row<uint32_t>(c->src[0]);
-  const T* value = s.row<T>(c->src[1]);
-  eachActive(s, [&](uint32_t i) {
-    uint64_t at;
-    if (inside(offset[i], uint32_t(c->imm), sizeof(T), c->src[4], at)) writeLocal<T>(s, c->src[3], at, i, value[i]);
-  });
+  localStoreLanes<T>(s, c);
   return c + 1;
 }
 
@@ -255,23 +189,6 @@ inline T* sharedAt(const RunState& s, const Code* c, uint32_t i) {
   uint64_t at;
   const uint32_t* offset = s.row<uint32_t>(c->src[0]);
   return inside(offset[i], uint32_t(c->imm), sizeof(T), s.context->sharedBytes, at) ? reinterpret_cast<T*>(s.context->shared + at) : nullptr;
-}
-template <class T>
-const Code* sharedLoad(RunState& s, const Code* c) {
-  T* dst = s.row<T>(c->dst);
-  eachActive(s, [&](uint32_t i) {
-    const T* p = sharedAt<T>(s, c, i);
-    dst[i] = p ? read<T>(p) : T(0);
-  });
-  return c + 1;
-}
-template <class T>
-const Code* sharedStore(RunState& s, const Code* c) {
-  const T* value = s.row<T>(c->src[1]);
-  eachActive(s, [&](uint32_t i) {
-    if (T* p = sharedAt<T>(s, c, i)) write<T>(p, value[i]);
-  });
-  return c + 1;
 }
 template <class T>
 const Code* sharedAtomic(RunState& s, const Code* c) {
@@ -348,19 +265,14 @@ const Code* toBank(RunState& s, const Code* c) {
 template <class T>
 void addWidth(KernelTable& t, Type type) {
   for (Op op : {Op::Load, Op::LoadConst}) {
-    t.at(op, type, 0) = load<T, false>;
-    t.at(op, type, 5) = load<T, true>;
+    t.at(op, type, 0) = load<T>;
     t.at(op, type, 7) = loadUniform<T>;
   }
-  t.at(Op::Store, type, 0) = store<T, false>;
-  t.at(Op::Store, type, 5) = store<T, true>;
-  t.at(Op::TableLoad, type, 0) = tableLoad<T>;
+  t.at(Op::Store, type, 0) = store<T>;
   t.at(Op::TableLoad, type, 1) = tableLoadUniform<T>;
   t.at(Op::UniformInput, type) = uniformInput<T>;
   t.at(Op::LocalLoad, type) = localLoad<T>;
   t.at(Op::LocalStore, type) = localStore<T>;
-  t.at(Op::SharedLoad, type) = sharedLoad<T>;
-  t.at(Op::SharedStore, type) = sharedStore<T>;
   t.at(Op::QuadLoad, type) = quadLoad<T>;
   t.at(Op::TileLoad, type) = tileLoad<T>;
   t.at(Op::TileStore, type) = tileStore<T>;

@@ -279,5 +279,70 @@ TEST(Memory, derivativesAndSwizzlesStayInTheirQuad) {
   }
 }
 
+//! Offsets of neighbours, of one place, scattered, at the end of the range and beyond it: whatever way a kernel takes,
+//! every lane must see the same.
+TEST(Memory, everyShapeOfOffsetsMeansTheSame) {
+  Random r(21);
+  for (int round = 0; round < 400; round++) {
+    const Type t = kDataTypes[r.below(std::size(kDataTypes))];
+    const uint32_t bytes = ir::typeBytes(t), constant = r.chance(50) ? 0 : r.below(40);
+    std::vector<std::byte> memory(64 + r.below(2000));
+    for (std::byte& b : memory) b = std::byte(r.next());
+    RowRun start(3, 4);
+    start.lanes = r.chance(50) ? kMaxLanes : 1 + r.below(kMaxLanes);
+    if (r.chance(40)) start.active[0] = r.next(), start.active[1] = r.next();
+    const uint32_t shape = r.below(5), first = r.chance(20) ? uint32_t(-int32_t(r.below(600))) : r.below(uint32_t(memory.size()));
+    uint32_t offsets[kMaxLanes];
+    for (unsigned lane = 0; lane < kMaxLanes; lane++) {
+      offsets[lane] = shape == 0 ? first : shape == 1 ? first + lane * bytes : shape == 2 ? r.below(uint32_t(memory.size()) - 48) : shape == 3 ? lane * bytes : uint32_t(r.next());
+      if (shape == 1 && r.chance(1)) offsets[lane] += 4;
+      start.inputs[0].set(Type::I32, lane, offsets[lane]);
+      start.inputs[1].set(t, lane, r.next() & ir::allOnes(t));
+      start.inputs[2].set(Type::I32, lane, shape == 0 ? first % 64 : offsets[lane] % 70);
+    }
+    const uint64_t uniforms[2] = {uint64_t(memory.data()), memory.size()};
+    start.tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(uniforms), 16};
+    start.tables[ir::kTableSet0] = {memory.data(), memory.size()};
+
+    Function f;
+    const Value base = append(f, Op::UniformInput, Type::I64, {}, 0), size = append(f, Op::UniformInput, Type::I64, {}, 8);
+    const Value offset = append(f, Op::Input, Type::I32, {}, 0), value = append(f, Op::Input, t, {}, 1), near = append(f, Op::Input, Type::I32, {}, 2);
+    append(f, Op::Output, Type::None, {append(f, Op::Load, t, {base, offset, size}, constant)}, 0);
+    append(f, Op::Output, Type::None, {append(f, Op::TableLoad, t, {offset}, uint64_t(ir::kTableSet0) << 32 | constant)}, 1);
+    append(f, Op::Output, Type::None, {append(f, Op::SharedLoad, t, {offset}, constant)}, 2);
+    const Value array = append(f, Op::LocalAlloc, Type::I32, {}, 60);
+    append(f, Op::LocalStore, Type::None, {array, near, value}, constant);
+    append(f, Op::Output, Type::None, {append(f, Op::LocalLoad, t, {array, near}, constant)}, 3);
+    append(f, Op::Store, Type::None, {base, offset, size, value}, constant);
+    append(f, Op::SharedStore, Type::None, {offset, value}, constant);
+    ASSERT_EQ(ir::verify(f), "");
+
+    const std::vector<std::byte> before = memory;
+    std::vector<std::byte> after = before;
+    for (const Target& target : availableTargets()) {
+      memory = before;
+      RowRun run = start;
+      run.shared = before;
+      run(f, target);
+      after = before;
+      for (uint32_t lane = 0; lane < run.lanes; lane++) {
+        if (!(run.active[lane / 64] >> (lane % 64) & 1)) continue;
+        const uint64_t at = uint64_t(offsets[lane]) + constant;
+        uint64_t want = 0;
+        if (at + bytes <= before.size()) {
+          std::memcpy(&want, &before[at], bytes);
+          const uint64_t v = run.inputs[1].get(t, lane);
+          std::memcpy(&after[at], &v, bytes);
+        }
+        for (unsigned k = 0; k < 3; k++) ASSERT_EQ(run.outputs[k].get(t, lane), want) << target.name << " round " << round << " lane " << lane << " output " << k;
+        const uint64_t in = run.inputs[2].get(Type::I32, lane) + constant;
+        ASSERT_EQ(run.outputs[3].get(t, lane), in + bytes <= 60 ? run.inputs[1].get(t, lane) : 0) << target.name << " round " << round << " lane " << lane;
+      }
+      ASSERT_TRUE(memory == after) << target.name << " round " << round;
+      ASSERT_TRUE(run.shared == after) << target.name << " round " << round;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace pumice::interp
