@@ -103,7 +103,7 @@ template <class T>
 HWY_INLINE void loadRange(const RunState& s, T* dst, const uint32_t* offset, uint64_t constant, const std::byte* base, uint64_t size) {
   if (!base) size = 0;
   const Offsets o = shapeOf(s, offset, constant, sizeof(T), size);
-  const std::byte* start = base + constant;
+  const std::byte* start = o.shape == Shape::Mixed ? nullptr : base + constant;
   switch (o.shape) {
     case Shape::Mixed: return loadLanes<T>(s, dst, offset, constant, base, size);
     case Shape::Same: return splatTo(s, dst, read<T>(start + o.low));
@@ -132,7 +132,7 @@ template <class T>
 HWY_INLINE void storeRange(const RunState& s, const T* value, const uint32_t* offset, uint64_t constant, std::byte* base, uint64_t size) {
   if (!base) size = 0;
   const Offsets o = shapeOf(s, offset, constant, sizeof(T), size);
-  std::byte* start = base + constant;
+  std::byte* start = o.shape == Shape::Mixed ? nullptr : base + constant;
   switch (o.shape) {
     case Shape::Mixed: return storeLanes<T>(s, value, offset, constant, base, size);
     case Shape::Linear: std::memcpy(start + o.low, value, s.lanes * sizeof(T)); return;
