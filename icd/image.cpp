@@ -90,7 +90,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateImage(VkDevice handle, const VkImageCreat
   image->usage = info->usage;
   image->format = info->format;
   image->layout = texture::imageLayout(*info);
-  if (!image->layout.format || !image->layout.size) {
+  // Larger than the heap: it could never be bound (VkImageFormatProperties::maxResourceSize).
+  if (!image->layout.format || !image->layout.size || image->layout.size > from(handle)->physical.memory.memoryHeaps[0].size) {
     from(handle)->destroy(callbacks, image);
     base::logError("vkCreateImage: format %d or its size is not supported", info->format);
     return VK_ERROR_OUT_OF_DEVICE_MEMORY;

@@ -422,8 +422,9 @@ struct Counter {
   std::atomic<long> live{0}, total{0};
   static void* VKAPI_CALL allocate(void* user, size_t size, size_t alignment, VkSystemAllocationScope) {
     auto* self = static_cast<Counter*>(user);
+    alignment = std::max(alignment, sizeof(void*));
     size_t room = (size + alignment - 1) / alignment * alignment;
-    void* memory = std::aligned_alloc(std::max(alignment, sizeof(void*)), std::max(room, alignment));
+    void* memory = std::aligned_alloc(alignment, std::max(room, alignment));
     if (memory) ++self->live, ++self->total;
     return memory;
   }

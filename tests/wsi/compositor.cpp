@@ -92,7 +92,7 @@ Compositor::Compositor(Manners manners) : manners_(manners) {
   wl_global_create(display_, &wl_compositor_interface, 4, this, Requests::bind);
   client_ = wl_client_create(display_, ends[1]);
   wake_ = eventfd(0, EFD_CLOEXEC);
-  wl_event_loop_add_fd(
+  wakeSource_ = wl_event_loop_add_fd(
       wl_display_get_event_loop(display_), wake_, WL_EVENT_READABLE,
       [](int file, uint32_t, void* data) {
         auto* self = static_cast<Compositor*>(data);
@@ -167,6 +167,7 @@ void Compositor::stop() {
     (void)!write(wake_, &one, sizeof one);
   }
   thread_.join();
+  wl_event_source_remove(wakeSource_);
   wl_display_destroy_clients(display_);
   wl_display_destroy(display_);
   close(wake_);

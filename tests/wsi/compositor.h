@@ -50,6 +50,7 @@ class Compositor {
   wl_display* display_ = nullptr;
   wl_client* client_ = nullptr;
   int wake_ = -1;
+  wl_event_source* wakeSource_ = nullptr;
   bool stop_ = false;  // this and the rest: under the mutex
   uint32_t framesToAnswer_ = 0;
   bool torn_ = false;
