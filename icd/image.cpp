@@ -14,14 +14,6 @@ VkMemoryRequirements imageRequirements(const texture::ImageLayout& layout) {
   return {(layout.size + 63) & ~uint64_t(63), std::max<uint64_t>(layout.alignment, 64), kMemoryTypeBits};
 }
 
-void fillDedicated(void* chain) {
-  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext)
-    if (s->sType == VK_STRUCTURE_TYPE_MEMORY_DEDICATED_REQUIREMENTS) {
-      auto& d = *reinterpret_cast<VkMemoryDedicatedRequirements*>(s);
-      d.prefersDedicatedAllocation = d.requiresDedicatedAllocation = VK_FALSE;
-    }
-}
-
 uint8_t resolveSwizzle(VkComponentSwizzle s, VkComponentSwizzle identity) {
   return uint8_t(s == VK_COMPONENT_SWIZZLE_IDENTITY ? identity : s);
 }

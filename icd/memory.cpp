@@ -6,11 +6,6 @@
 #include "icd/resources.h"
 
 namespace pumice::icd {
-namespace {
-
-void bindBuffer(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset) { from(buffer)->data = from(memory)->data + offset; }
-
-VkMemoryRequirements bufferRequirements(uint64_t size) { return {(size + 63) & ~uint64_t(63), 64, kMemoryTypeBits}; }
 
 void fillDedicated(void* chain) {
   for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext)
@@ -19,6 +14,12 @@ void fillDedicated(void* chain) {
       d.prefersDedicatedAllocation = d.requiresDedicatedAllocation = VK_FALSE;
     }
 }
+
+namespace {
+
+void bindBuffer(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset) { from(buffer)->data = from(memory)->data + offset; }
+
+VkMemoryRequirements bufferRequirements(uint64_t size) { return {(size + 63) & ~uint64_t(63), 64, kMemoryTypeBits}; }
 
 }  // namespace
 

@@ -59,5 +59,7 @@ PUMICE_HANDLE(Sampler, VkSampler)
 
 //! Memory requirements of every buffer and image: one memory type.
 constexpr uint32_t kMemoryTypeBits = 1;
+//! VkMemoryDedicatedRequirements in a chain, if it is there: nothing needs an allocation of its own.
+void fillDedicated(void* chain);
 
 }  // namespace pumice::icd
