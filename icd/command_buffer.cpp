@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "entrypoints.h"
 
@@ -23,13 +24,20 @@ void CommandBuffer::reset() {
   dispatch = {};
   dynamic = {};
   extended = {};
+  std::fill(std::begin(pushedDraw), std::end(pushedDraw), nullptr);
+  std::fill(std::begin(pushedDispatch), std::end(pushedDispatch), nullptr);
   family = nullptr;
   captured = nullptr;
 }
 
 void CommandBuffer::execute(Execution& e) const {
-  for (Command* c = head; c; c = c->next)
+  Command* outer = e.current;
+  for (Command* c = head; c;) {
+    e.current = c;
     if (c->run) c->run(c, e);
+    c = e.jump ? std::exchange(e.jump, nullptr) : c->next;
+  }
+  e.current = outer;
 }
 
 // Many draws between two changes of state share one copy.
@@ -217,7 +225,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindDescriptorSets(VkCommandBuffer buffer, VkPip
       const DescriptorSet* set = from(sets[i]);
       if (n >= ir::kMaxDescriptorSets || !set) continue;
       state.setMemory[n] = set->memory;
-      state.setSize[n] = set->layout->size;
+      state.setSize[n] = set->size;
       for (uint32_t k = 0; k < set->layout->dynamicCount && next < offsetCount; k++, next++)
         if (layout.dynamicBase[n] + k < pipeline::kMaxDynamicOffsets) state.dynamicOffsets[layout.dynamicBase[n] + k] = offsets[next];
     }
@@ -228,6 +236,49 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindDescriptorSets(VkCommandBuffer buffer, VkPip
   } else {
     bind(cb.dispatch);
   }
+}
+
+// A pushed set is memory of the command buffer: a new copy for each push, so that earlier draws keep what they saw.
+template <typename Write>
+static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipelineLayout layoutHandle, uint32_t number, Write&& write) {
+  const auto& layout = from(layoutHandle)->layout;
+  if (number >= layout->sets.size() || number >= ir::kMaxDescriptorSets) return;
+  DescriptorSet set;
+  set.layout = std::shared_ptr<const pipeline::SetLayout>(layout, &layout->sets[number]);
+  set.size = set.layout->size;
+  if (!set.size) return;
+  set.memory = static_cast<std::byte*>(cb.arena.allocBytes(set.size, 64));
+  if (!set.memory) {
+    cb.outOfMemory = true;
+    return;
+  }
+  auto push = [&](auto& state, const std::byte*& pushed) {
+    // What was pushed before stays, if it is still what is bound there.
+    if (pushed && state.setMemory[number] == pushed && state.setSize[number] == set.size)
+      std::memcpy(set.memory, pushed, set.size);
+    else
+      initSetMemory(set);
+    write(set);
+    state.setMemory[number] = pushed = set.memory;
+    state.setSize[number] = set.size;
+  };
+  if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
+    push(cb.draw, cb.pushedDraw[number]);
+    cb.captured = nullptr;
+  } else {
+    push(cb.dispatch, cb.pushedDispatch[number]);
+  }
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdPushDescriptorSetKHR(VkCommandBuffer buffer, VkPipelineBindPoint point, VkPipelineLayout layout, uint32_t number, uint32_t count,
+                                                     const VkWriteDescriptorSet* writes) {
+  pushDescriptors(*from(buffer), point, layout, number, [&](const DescriptorSet& set) {
+    for (uint32_t i = 0; i < count; i++) writeDescriptors(set, writes[i]);
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdPushDescriptorSetWithTemplateKHR(VkCommandBuffer buffer, VkDescriptorUpdateTemplate t, VkPipelineLayout layout, uint32_t number, const void* data) {
+  pushDescriptors(*from(buffer), from(t)->bindPoint, layout, number, [&](const DescriptorSet& set) { writeDescriptors(set, *from(t), data); });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdPushConstants(VkCommandBuffer buffer, VkPipelineLayout, VkShaderStageFlags, uint32_t offset, uint32_t size, const void* values) {

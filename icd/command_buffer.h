@@ -16,6 +16,14 @@
 
 namespace pumice::icd {
 
+//! A recorded command: a node of the command buffer's list.
+struct Execution;
+struct Command {
+  Command* next = nullptr;
+  void (*run)(Command*, Execution&) = nullptr;
+  void (*destroy)(Command*) = nullptr;
+};
+
 //! What the queue's thread carries from command to command.
 struct Execution {
   Execution(Device& d, SyncHub& h) : device(d), pool(d.pool), hub(h), pass(d.pool) {}
@@ -31,13 +39,28 @@ struct Execution {
   VkRect2D area{};
   uint32_t subpass = 0;
   bool insidePass = false;
+  pipeline::PassBegin rendering;              //!< dynamic rendering; then renderPass is null
+  // Multiview: the commands of a subpass run once for each view of its mask, each time on one layer of the attachments.
+  uint32_t viewMask = 0;                      //!< the view that runs (lowest bit) and those still to come; 0: no multiview
+  uint32_t viewOrdinal = 0;                   //!< views of this subpass that have run
+  Command* current = nullptr;                 //!< being executed
+  Command* scopeStart = nullptr;              //!< first command of the subpass
+  Command* jump = nullptr;                    //!< where execution goes on, if not at the next command
   // Occlusion
   Query* occlusion = nullptr;                 //!< begun, not ended
   std::vector<Query*> finishing;              //!< ended in the pass that is open
 
   void beginPass(const pipeline::PassBegin& begin);
-  void beginSubpass() { beginPass(subpassBegin(*renderPass, subpass, *framebuffer, views, area, clears)); }
   void endPass();
+  //! Begins a subpass or a dynamic rendering scope with its first view.
+  void beginScope(uint32_t mask);
+  //! Ends the view. True: there is another one, and its commands run next.
+  bool endView();
+  //! In multiview each view has its own query, from the one that is named.
+  uint32_t queryOffset() const { return insidePass ? viewOrdinal : 0; }
+
+ private:
+  void beginView();
 };
 
 struct CommandPool;
@@ -75,12 +98,6 @@ struct CommandBuffer : Dispatchable {
   void reset();
   void execute(Execution& e) const;
 
-  struct Command {
-    Command* next = nullptr;
-    void (*run)(Command*, Execution&) = nullptr;
-    void (*destroy)(Command*) = nullptr;
-  };
-
   Device& device;
   CommandPool& pool;
   VkCommandBufferLevel level;
@@ -99,6 +116,8 @@ struct CommandBuffer : Dispatchable {
     float lineWidth = 1, depthBias[3] = {}, blendConstants[4] = {}, depthBounds[2] = {0, 1};
     uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};
   } dynamic;
+  //! Memory of pushed sets, in the arena.
+  const std::byte *pushedDraw[ir::kMaxDescriptorSets] = {}, *pushedDispatch[ir::kMaxDescriptorSets] = {};
   ExtendedState extended;
   PipelineFamily* family = nullptr;                //!< of the bound pipeline, when it leaves extended state dynamic
   const pipeline::DrawState* captured = nullptr;   //!< copy in the arena; null when something changed

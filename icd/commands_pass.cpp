@@ -1,5 +1,6 @@
 // Render passes, queries, events and barriers in command buffers.
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cstring>
 
@@ -26,7 +27,36 @@ void Execution::endPass() {
   finishing.clear();
 }
 
+void Execution::beginScope(uint32_t mask) {
+  viewMask = mask;
+  viewOrdinal = 0;
+  scopeStart = current->next;
+  beginView();
+}
+
+void Execution::beginView() {
+  uint32_t view = viewMask ? uint32_t(std::countr_zero(viewMask)) : 0;
+  pipeline::PassBegin begin = renderPass ? subpassBegin(*renderPass, subpass, *framebuffer, views, area, clears, view) : rendering;
+  if (viewMask) selectView(begin, view);
+  beginPass(begin);
+}
+
+bool Execution::endView() {
+  endPass();
+  viewMask &= viewMask - 1;
+  viewOrdinal++;
+  if (!viewMask) return false;
+  beginView();
+  jump = scopeStart;
+  return true;
+}
+
 namespace {
+
+VkRect2D renderAreaOf(const VkRenderPassBeginInfo& info) {
+  auto* group = findInChain<VkDeviceGroupRenderPassBeginInfo>(info.pNext, VK_STRUCTURE_TYPE_DEVICE_GROUP_RENDER_PASS_BEGIN_INFO);
+  return group && group->deviceRenderAreaCount ? group->pDeviceRenderAreas[0] : info.renderArea;
+}
 
 void begin(CommandBuffer& cb, const VkRenderPassBeginInfo& info) {
   const Framebuffer* framebuffer = from(info.framebuffer);
@@ -35,27 +65,27 @@ void begin(CommandBuffer& cb, const VkRenderPassBeginInfo& info) {
   std::span<ImageView* const> views = imageless && imageless->attachmentCount ? cb.keep(reinterpret_cast<ImageView* const*>(imageless->pAttachments), imageless->attachmentCount)
                                                                               : cb.keep(framebuffer->views.data(), uint32_t(framebuffer->views.size()));
   std::span<const VkClearValue> clears = cb.keep(info.pClearValues, info.clearValueCount);
-  cb.record([pass = from(info.renderPass), framebuffer, area = info.renderArea, views, clears](Execution& e) {
+  cb.record([pass = from(info.renderPass), framebuffer, area = renderAreaOf(info), views, clears](Execution& e) {
     e.renderPass = pass;
     e.framebuffer = framebuffer;
     e.views = views;
     e.clears = clears;
     e.area = area;
     e.subpass = 0;
-    e.beginSubpass();
+    e.beginScope(pass->subpasses[0].viewMask);
   });
 }
 
 void next(CommandBuffer& cb) {
   cb.record([](Execution& e) {
-    e.endPass();
+    if (e.endView()) return;
     e.subpass++;
-    e.beginSubpass();
+    e.beginScope(e.renderPass->subpasses[e.subpass].viewMask);
   });
 }
 
 void end(CommandBuffer& cb) {
-  cb.record([](Execution& e) { e.endPass(); });
+  cb.record([](Execution& e) { e.endView(); });
 }
 
 }  // namespace
@@ -93,19 +123,27 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBeginRendering(VkCommandBuffer buffer, const VkR
   }
   begin.depthStencil = renderingAttachment(info->pDepthAttachment);
   pipeline::Attachment stencil = renderingAttachment(info->pStencilAttachment);
+  // Both are the same view; an aspect that is not given stays as it is.
   if (!begin.depthStencil.memory.layout) {
     begin.depthStencil = stencil;
+    begin.depthStencil.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
   } else if (stencil.memory.layout) {
     begin.depthStencil.stencilLoadOp = stencil.loadOp;
     begin.depthStencil.stencilStoreOp = stencil.storeOp;
     begin.depthStencil.clear.depthStencil.stencil = stencil.clear.depthStencil.stencil;
+  } else {
+    begin.depthStencil.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
   }
   // A resumed scope continues what the suspended one stored.
   if (info->flags & VK_RENDERING_RESUMING_BIT) {
     for (auto& c : begin.color) c.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
     begin.depthStencil.loadOp = begin.depthStencil.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
   }
-  from(buffer)->record([begin](Execution& e) { e.beginPass(begin); });
+  from(buffer)->record([begin, mask = info->viewMask](Execution& e) {
+    e.renderPass = nullptr;
+    e.rendering = begin;
+    e.beginScope(mask);
+  });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdEndRendering(VkCommandBuffer b) { end(*from(b)); }
@@ -129,7 +167,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdResetQueryPool(VkCommandBuffer b, VkQueryPool po
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBeginQuery(VkCommandBuffer b, VkQueryPool pool, uint32_t index, VkQueryControlFlags) {
-  from(b)->record([query = &from(pool)->queries[index]](Execution& e) {
+  from(b)->record([first = &from(pool)->queries[index]](Execution& e) {
+    Query* query = first + e.queryOffset();
     query->value = 0;
     e.occlusion = query;
     if (e.insidePass) e.pass.beginOcclusion(&query->value);
@@ -137,7 +176,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBeginQuery(VkCommandBuffer b, VkQueryPool pool, 
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdEndQuery(VkCommandBuffer b, VkQueryPool pool, uint32_t index) {
-  from(b)->record([query = &from(pool)->queries[index]](Execution& e) {
+  from(b)->record([first = &from(pool)->queries[index]](Execution& e) {
+    Query* query = first + e.queryOffset();
     e.occlusion = nullptr;
     if (e.insidePass) {
       e.pass.endOcclusion();
@@ -149,7 +189,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdEndQuery(VkCommandBuffer b, VkQueryPool pool, ui
 }
 
 static void recordTimestamp(VkCommandBuffer b, VkQueryPool pool, uint32_t index) {
-  from(b)->record([query = &from(pool)->queries[index]](Execution& e) {
+  from(b)->record([first = &from(pool)->queries[index]](Execution& e) {
+    Query* query = first + e.queryOffset();
     auto now = std::chrono::steady_clock::now().time_since_epoch();
     uint64_t value = uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
     e.hub.update([&] { *query = {value, true}; });

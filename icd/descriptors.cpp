@@ -12,6 +12,10 @@ constexpr bool isDynamic(VkDescriptorType type) {
   return type == VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC || type == VK_DESCRIPTOR_TYPE_STORAGE_BUFFER_DYNAMIC;
 }
 
+// An inline uniform block's bytes follow its descriptor.
+constexpr uint32_t kInlineData = 64;
+static_assert(sizeof(texture::BufferDescriptor) <= kInlineData);
+
 bool hasSampler(VkDescriptorType type) { return type == VK_DESCRIPTOR_TYPE_SAMPLER || type == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER; }
 
 // Where the sampler part of an element lies.
@@ -22,6 +26,7 @@ texture::SamplerDescriptor* samplerPart(VkDescriptorType type, std::byte* elemen
 
 pipeline::SetLayout makeSetLayout(const VkDescriptorSetLayoutCreateInfo& info) {
   pipeline::SetLayout layout;
+  auto* flags = findInChain<VkDescriptorSetLayoutBindingFlagsCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_BINDING_FLAGS_CREATE_INFO);
   for (uint32_t i = 0; i < info.bindingCount; i++) {
     const VkDescriptorSetLayoutBinding& b = info.pBindings[i];
     pipeline::Binding binding;
@@ -29,6 +34,13 @@ pipeline::SetLayout makeSetLayout(const VkDescriptorSetLayoutCreateInfo& info) {
     binding.count = b.descriptorCount;
     binding.stride = texture::descriptorStride(b.descriptorType);
     binding.stages = b.stageFlags;
+    binding.variable = flags && i < flags->bindingCount && (flags->pBindingFlags[i] & VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT);
+    if (b.descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK) {
+      binding.type = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+      binding.inlineBytes = b.descriptorCount;
+      binding.count = b.descriptorCount != 0;
+      binding.stride = kInlineData + b.descriptorCount;
+    }
     if (b.pImmutableSamplers && hasSampler(b.descriptorType))
       for (uint32_t k = 0; k < b.descriptorCount; k++) binding.immutableSamplers.push_back(from(b.pImmutableSamplers[k])->descriptor);
     layout.bindings[b.binding] = std::move(binding);
@@ -43,6 +55,13 @@ pipeline::SetLayout makeSetLayout(const VkDescriptorSetLayoutCreateInfo& info) {
     }
   }
   return layout;
+}
+
+// Elements of a binding in this set, and what they take from the pool.
+uint32_t elementsOf(const pipeline::Binding& b, uint32_t variableCount) { return b.variable && !b.inlineBytes ? std::min(b.count, variableCount) : b.count; }
+std::pair<uint32_t, uint32_t> poolUse(const pipeline::Binding& b, uint32_t variableCount) {
+  if (b.inlineBytes) return {kInlineBytes, b.inlineBytes};
+  return {uint32_t(b.type), elementsOf(b, variableCount)};
 }
 
 // Arrays run on into the following bindings (spec, "consecutive binding updates").
@@ -125,26 +144,97 @@ std::pair<const void*, size_t> sourceOf(const VkWriteDescriptorSet& w) {
   }
 }
 
+// Bytes of an inline uniform block; elements count bytes there.
+std::byte* inlineBytes(const DescriptorSet& set, uint32_t binding, uint32_t offset, uint32_t& count) {
+  auto it = set.layout->bindings.find(binding);
+  if (it == set.layout->bindings.end() || offset >= it->second.inlineBytes) return nullptr;
+  count = std::min(count, it->second.inlineBytes - offset);
+  return set.at(it->second, 0) + kInlineData + offset;
+}
+
+void writeInline(const DescriptorSet& set, uint32_t binding, uint32_t offset, uint32_t count, const void* data) {
+  if (std::byte* out = inlineBytes(set, binding, offset, count)) std::memcpy(out, data, count);
+}
+
+void writeElements(const DescriptorSet& set, uint32_t binding, uint32_t element, uint32_t count, VkDescriptorType type, const void* source, size_t stride) {
+  ElementWalk at(set, binding, element);
+  for (uint32_t k = 0; k < count && at.valid(); k++, at.next()) writeElement(at, type, static_cast<const std::byte*>(source) + k * stride);
+}
+
+void copyDescriptors(const VkCopyDescriptorSet& c) {
+  const DescriptorSet &from_ = *from(c.srcSet), &to_ = *from(c.dstSet);
+  if (auto it = from_.layout->bindings.find(c.srcBinding); it != from_.layout->bindings.end() && it->second.inlineBytes) {
+    uint32_t count = c.descriptorCount;
+    if (const std::byte* bytes = inlineBytes(from_, c.srcBinding, c.srcArrayElement, count)) writeInline(to_, c.dstBinding, c.dstArrayElement, count, bytes);
+    return;
+  }
+  ElementWalk src(from_, c.srcBinding, c.srcArrayElement), dst(to_, c.dstBinding, c.dstArrayElement);
+  for (uint32_t k = 0; k < c.descriptorCount && src.valid() && dst.valid(); k++, src.next(), dst.next()) {
+    std::memmove(dst.address(), src.address(), std::min(src.binding().stride, dst.binding().stride));
+    if (const auto& fixed = dst.binding().immutableSamplers; !fixed.empty()) *samplerPart(dst.binding().type, dst.address()) = fixed[dst.element()];
+  }
+}
+
 }  // namespace
 
-VkResult DescriptorPool::allocate(const DescriptorSetLayout& handle, DescriptorSet** out) {
+void initSetMemory(const DescriptorSet& set) {
+  std::memset(set.memory, 0, set.size);
+  for (auto& [number, b] : set.layout->bindings) {
+    uint32_t samplers = std::min(uint32_t(b.immutableSamplers.size()), elementsOf(b, set.variableCount));
+    for (uint32_t i = 0; i < samplers; i++) *samplerPart(b.type, set.at(b, i)) = b.immutableSamplers[i];
+    if (b.inlineBytes) {
+      texture::BufferDescriptor d;
+      d.base = reinterpret_cast<uint64_t>(set.at(b, 0) + kInlineData);
+      d.size = b.inlineBytes;
+      std::memcpy(set.at(b, 0), &d, sizeof d);
+    }
+  }
+}
+
+void writeDescriptors(const DescriptorSet& set, const VkWriteDescriptorSet& w) {
+  if (w.descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK) {
+    if (auto* block = findInChain<VkWriteDescriptorSetInlineUniformBlock>(w.pNext, VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_INLINE_UNIFORM_BLOCK))
+      writeInline(set, w.dstBinding, w.dstArrayElement, block->dataSize, block->pData);
+    return;
+  }
+  auto [source, stride] = sourceOf(w);
+  writeElements(set, w.dstBinding, w.dstArrayElement, w.descriptorCount, w.descriptorType, source, stride);
+}
+
+void writeDescriptors(const DescriptorSet& set, const DescriptorUpdateTemplate& update, const void* data) {
+  for (const VkDescriptorUpdateTemplateEntry& e : update.entries) {
+    const std::byte* source = static_cast<const std::byte*>(data) + e.offset;
+    if (e.descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK)
+      writeInline(set, e.dstBinding, e.dstArrayElement, e.descriptorCount, source);
+    else
+      writeElements(set, e.dstBinding, e.dstArrayElement, e.descriptorCount, e.descriptorType, source, e.stride);
+  }
+}
+
+VkResult DescriptorPool::allocate(const DescriptorSetLayout& handle, uint32_t variableCount, DescriptorSet** out) {
   const pipeline::SetLayout& layout = *handle.layout;
   if (sets.size() >= maxSets) return VK_ERROR_OUT_OF_POOL_MEMORY;
-  std::array<uint32_t, 11> rest = available;
+  auto rest = available;
   for (auto& [number, b] : layout.bindings) {
-    if (b.type >= rest.size()) continue;
-    if (rest[b.type] < b.count) return VK_ERROR_OUT_OF_POOL_MEMORY;
-    rest[b.type] -= b.count;
+    auto [type, count] = poolUse(b, variableCount);
+    if (type >= rest.size()) continue;
+    if (rest[type] < count) return VK_ERROR_OUT_OF_POOL_MEMORY;
+    rest[type] -= count;
   }
   auto* set = makeObject<DescriptorSet>(allocator, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT);
   if (!set) return VK_ERROR_OUT_OF_HOST_MEMORY;
-  if (layout.size) {
-    set->memory = static_cast<std::byte*>(allocator.allocate(layout.size, 64, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT));
+  set->variableCount = variableCount;
+  set->size = layout.size;
+  if (!layout.bindings.empty()) {
+    const pipeline::Binding& last = layout.bindings.rbegin()->second;
+    if (last.variable && !last.inlineBytes) set->size = last.offset + ((last.stride * elementsOf(last, variableCount) + 63) & ~63u);
+  }
+  if (set->size) {
+    set->memory = static_cast<std::byte*>(allocator.allocate(set->size, 64, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT));
     if (!set->memory) {
       destroyObject(allocator, set);
       return VK_ERROR_OUT_OF_HOST_MEMORY;
     }
-    std::memset(set->memory, 0, layout.size);
   }
   set->layout = handle.layout;
   set->pool = this;
@@ -156,15 +246,14 @@ VkResult DescriptorPool::allocate(const DescriptorSetLayout& handle, DescriptorS
     return VK_ERROR_OUT_OF_HOST_MEMORY;
   }
   available = rest;
-  for (auto& [number, b] : layout.bindings)
-    for (uint32_t i = 0; i < b.immutableSamplers.size(); i++) *samplerPart(b.type, set->at(b, i)) = b.immutableSamplers[i];
+  if (set->memory) initSetMemory(*set);
   *out = set;
   return VK_SUCCESS;
 }
 
 void DescriptorPool::free(DescriptorSet* set) {
   for (auto& [number, b] : set->layout->bindings)
-    if (b.type < available.size()) available[b.type] += b.count;
+    if (auto [type, count] = poolUse(b, set->variableCount); type < available.size()) available[type] += count;
   sets.erase(set);
   allocator.free(set->memory);
   destroyObject(allocator, set);
@@ -196,7 +285,18 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyDescriptorSetLayout(VkDevice device, VkDescr
 VKAPI_ATTR void VKAPI_CALL vkGetDescriptorSetLayoutSupport(VkDevice, const VkDescriptorSetLayoutCreateInfo* info, VkDescriptorSetLayoutSupport* out) {
   uint64_t total = 0;
   for (uint32_t i = 0; i < info->bindingCount; i++) total += info->pBindings[i].descriptorCount;
-  out->supported = total <= 1 << 20;
+  constexpr uint32_t kMost = 1 << 20;
+  out->supported = total <= kMost;
+  for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext)
+    if (s->sType == VK_STRUCTURE_TYPE_DESCRIPTOR_SET_VARIABLE_DESCRIPTOR_COUNT_LAYOUT_SUPPORT) {
+      auto* flags = findInChain<VkDescriptorSetLayoutBindingFlagsCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_BINDING_FLAGS_CREATE_INFO);
+      uint32_t& most = reinterpret_cast<VkDescriptorSetVariableDescriptorCountLayoutSupport*>(s)->maxVariableDescriptorCount;
+      most = 0;
+      for (uint32_t i = 0; flags && out->supported && i < flags->bindingCount; i++)
+        if (flags->pBindingFlags[i] & VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT)
+          most = info->pBindings[i].descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK ? info->pBindings[i].descriptorCount
+                                                                                              : uint32_t(kMost - (total - info->pBindings[i].descriptorCount));
+    }
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorPool(VkDevice handle, const VkDescriptorPoolCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorPool* out) {
@@ -205,7 +305,10 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorPool(VkDevice handle, const VkD
   if (!pool) return VK_ERROR_OUT_OF_HOST_MEMORY;
   pool->maxSets = info->maxSets;
   for (uint32_t i = 0; i < info->poolSizeCount; i++)
-    if (info->pPoolSizes[i].type < pool->available.size()) pool->available[info->pPoolSizes[i].type] += info->pPoolSizes[i].descriptorCount;
+    if (const VkDescriptorPoolSize& size = info->pPoolSizes[i]; size.type == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK)
+      pool->available[kInlineBytes] += size.descriptorCount;
+    else if (size.type < kInlineBytes)
+      pool->available[size.type] += size.descriptorCount;
   *out = to<VkDescriptorPool>(pool);
   return VK_SUCCESS;
 }
@@ -221,9 +324,10 @@ VKAPI_ATTR VkResult VKAPI_CALL vkResetDescriptorPool(VkDevice, VkDescriptorPool 
 
 VKAPI_ATTR VkResult VKAPI_CALL vkAllocateDescriptorSets(VkDevice, const VkDescriptorSetAllocateInfo* info, VkDescriptorSet* out) {
   DescriptorPool& pool = *from(info->descriptorPool);
+  auto* variable = findInChain<VkDescriptorSetVariableDescriptorCountAllocateInfo>(info->pNext, VK_STRUCTURE_TYPE_DESCRIPTOR_SET_VARIABLE_DESCRIPTOR_COUNT_ALLOCATE_INFO);
   for (uint32_t i = 0; i < info->descriptorSetCount; i++) {
     DescriptorSet* set = nullptr;
-    VkResult result = pool.allocate(*from(info->pSetLayouts[i]), &set);
+    VkResult result = pool.allocate(*from(info->pSetLayouts[i]), variable && i < variable->descriptorSetCount ? variable->pDescriptorCounts[i] : 0, &set);
     if (result != VK_SUCCESS) {
       while (i--) pool.free(from(out[i]));
       std::fill_n(out, info->descriptorSetCount, VkDescriptorSet(VK_NULL_HANDLE));
@@ -241,21 +345,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkFreeDescriptorSets(VkDevice, VkDescriptorPool p
 }
 
 VKAPI_ATTR void VKAPI_CALL vkUpdateDescriptorSets(VkDevice, uint32_t writes, const VkWriteDescriptorSet* write, uint32_t copies, const VkCopyDescriptorSet* copy) {
-  for (uint32_t i = 0; i < writes; i++) {
-    const VkWriteDescriptorSet& w = write[i];
-    auto [source, stride] = sourceOf(w);
-    ElementWalk at(*from(w.dstSet), w.dstBinding, w.dstArrayElement);
-    for (uint32_t k = 0; k < w.descriptorCount && at.valid(); k++, at.next())
-      writeElement(at, w.descriptorType, static_cast<const std::byte*>(source) + k * stride);
-  }
-  for (uint32_t i = 0; i < copies; i++) {
-    const VkCopyDescriptorSet& c = copy[i];
-    ElementWalk src(*from(c.srcSet), c.srcBinding, c.srcArrayElement), dst(*from(c.dstSet), c.dstBinding, c.dstArrayElement);
-    for (uint32_t k = 0; k < c.descriptorCount && src.valid() && dst.valid(); k++, src.next(), dst.next()) {
-      std::memmove(dst.address(), src.address(), std::min(src.binding().stride, dst.binding().stride));
-      if (const auto& fixed = dst.binding().immutableSamplers; !fixed.empty()) *samplerPart(dst.binding().type, dst.address()) = fixed[dst.element()];
-    }
-  }
+  for (uint32_t i = 0; i < writes; i++) writeDescriptors(*from(write[i].dstSet), write[i]);
+  for (uint32_t i = 0; i < copies; i++) copyDescriptors(copy[i]);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorUpdateTemplate(VkDevice device, const VkDescriptorUpdateTemplateCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorUpdateTemplate* out) {
@@ -267,6 +358,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorUpdateTemplate(VkDevice device,
     from(device)->destroy(callbacks, t);
     return VK_ERROR_OUT_OF_HOST_MEMORY;
   }
+  t->bindPoint = info->pipelineBindPoint;
   *out = to<VkDescriptorUpdateTemplate>(t);
   return VK_SUCCESS;
 }
@@ -276,11 +368,7 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyDescriptorUpdateTemplate(VkDevice device, Vk
 }
 
 VKAPI_ATTR void VKAPI_CALL vkUpdateDescriptorSetWithTemplate(VkDevice, VkDescriptorSet set, VkDescriptorUpdateTemplate t, const void* data) {
-  for (const VkDescriptorUpdateTemplateEntry& e : from(t)->entries) {
-    ElementWalk at(*from(set), e.dstBinding, e.dstArrayElement);
-    for (uint32_t k = 0; k < e.descriptorCount && at.valid(); k++, at.next())
-      writeElement(at, e.descriptorType, static_cast<const std::byte*>(data) + e.offset + k * e.stride);
-  }
+  writeDescriptors(*from(set), *from(t), data);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreatePipelineLayout(VkDevice device, const VkPipelineLayoutCreateInfo* info, const VkAllocationCallbacks* callbacks, VkPipelineLayout* out) {

@@ -17,29 +17,41 @@ struct DescriptorSetLayout {
 };
 
 struct DescriptorPool;
+struct DescriptorUpdateTemplate;
 
 struct DescriptorSet {
   std::shared_ptr<const pipeline::SetLayout> layout;
   DescriptorPool* pool = nullptr;
-  std::byte* memory = nullptr;   //!< layout->size bytes, 64-byte aligned, zero = null descriptors
+  std::byte* memory = nullptr;   //!< `size` bytes, 64-byte aligned, zero = null descriptors
+  uint32_t size = 0;             //!< layout->size, or less where a variable count was given
+  uint32_t variableCount = 0;    //!< elements of the variable binding, if there is one
   std::byte* at(const pipeline::Binding& b, uint32_t element) const { return memory + b.offset + size_t(b.stride) * element; }
 };
 
-//! Descriptor counts by core type (0..10), and bytes of set memory.
+//! What is in new set memory: null descriptors, immutable samplers, inline uniform blocks.
+void initSetMemory(const DescriptorSet& set);
+void writeDescriptors(const DescriptorSet& set, const VkWriteDescriptorSet& write);
+void writeDescriptors(const DescriptorSet& set, const DescriptorUpdateTemplate& update, const void* data);
+
+//! Index of the bytes of inline uniform blocks, behind the counts of the core types (0..10).
+constexpr uint32_t kInlineBytes = 11;
+
+//! Descriptors that are left, by type.
 struct DescriptorPool {
   explicit DescriptorPool(HostAllocator a) : allocator(a) {}
   ~DescriptorPool();
   HostAllocator allocator;
   uint32_t maxSets = 0;
-  std::array<uint32_t, 11> available{};
+  std::array<uint32_t, kInlineBytes + 1> available{};
   std::unordered_set<DescriptorSet*> sets;
-  VkResult allocate(const DescriptorSetLayout& layout, DescriptorSet** out);
+  VkResult allocate(const DescriptorSetLayout& layout, uint32_t variableCount, DescriptorSet** out);
   void free(DescriptorSet* set);
   void reset();
 };
 
 struct DescriptorUpdateTemplate {
   std::vector<VkDescriptorUpdateTemplateEntry> entries;
+  VkPipelineBindPoint bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;   //!< of push descriptors
 };
 
 struct PipelineLayout {

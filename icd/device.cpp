@@ -1,7 +1,5 @@
 #include "icd/device.h"
 
-#include <cstring>
-
 #include "base/cpu.h"
 #include "base/log.h"
 #include "entrypoints.h"
@@ -16,21 +14,6 @@ Device::Device(PhysicalDevice& p, HostAllocator a) : physical(p), allocator(a), 
 
 Device::~Device() = default;
 
-namespace {
-
-// A requested feature must be one we have.
-bool featuresSupported(const VkPhysicalDeviceFeatures& wanted, const VkPhysicalDeviceFeatures& have) {
-  constexpr size_t kCount = sizeof(VkPhysicalDeviceFeatures) / sizeof(VkBool32);
-  VkBool32 w[kCount], h[kCount];
-  std::memcpy(w, &wanted, sizeof w);
-  std::memcpy(h, &have, sizeof h);
-  for (size_t i = 0; i < kCount; i++)
-    if (w[i] && !h[i]) return false;
-  return true;
-}
-
-}  // namespace
-
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateDevice(VkPhysicalDevice handle, const VkDeviceCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDevice* out) {
   PhysicalDevice& physical = *from(handle);
   ExtensionSet enabled;
@@ -42,17 +25,16 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateDevice(VkPhysicalDevice handle, const VkD
     }
     enabled.set(e);
   }
-  const VkPhysicalDeviceFeatures* wanted = info->pEnabledFeatures;
-  if (auto* chained = findInChain<VkPhysicalDeviceFeatures2>(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2)) wanted = &chained->features;
-  if (wanted && !featuresSupported(*wanted, physical.features)) {
-    base::logError("vkCreateDevice: a requested feature is not supported");
+  FeatureSet wanted = requestedFeatures(info->pEnabledFeatures, info->pNext);
+  if (FeatureSet missing = wanted & ~physical.features; missing.any()) {
+    base::logError("vkCreateDevice: feature %s is not supported", featureName(missing._Find_first()));
     return VK_ERROR_FEATURE_NOT_PRESENT;
   }
   HostAllocator allocator = physical.instance->allocator.orElse(callbacks);
   auto* device = makeObject<Device>(allocator, VK_SYSTEM_ALLOCATION_SCOPE_DEVICE, physical, allocator);
   if (!device) return VK_ERROR_OUT_OF_HOST_MEMORY;
   device->extensions = enabled;
-  if (wanted) device->features = *wanted;
+  device->features = wanted;
   *out = to<VkDevice>(device);
   return VK_SUCCESS;
 }

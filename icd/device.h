@@ -23,7 +23,7 @@ struct Device : Dispatchable {
   PhysicalDevice& physical;
   HostAllocator allocator;
   ExtensionSet extensions;   //!< of the device
-  VkPhysicalDeviceFeatures features{};
+  FeatureSet features;       //!< enabled
   base::ThreadPool pool;
   Queue queue;
   std::atomic<uint64_t> allocatedBytes{0};

@@ -53,12 +53,17 @@ void apply(pipeline::GraphicsState& s, uint32_t mask, const ExtendedState& v) {
   if (mask & kDynamicRasterizerDiscard) s.rasterizerDiscard = v.rasterizerDiscard;
   if (mask & kDynamicDepthBias) s.depthBias = v.depthBias;
   if (mask & kDynamicPrimitiveRestart) s.primitiveRestart = v.primitiveRestart;
-  // Without a depth aspect, or without the test, nothing is written.
-  if (s.depthStencilFormat == VK_FORMAT_UNDEFINED) s.depthTest = s.depthBoundsTest = s.stencilTest = false;
-  s.depthWrite = s.depthWrite && s.depthTest;
+  leaveOutMissingAspects(s);
 }
 
 }  // namespace
+
+void leaveOutMissingAspects(pipeline::GraphicsState& s) {
+  bool any = s.depthStencilFormat != VK_FORMAT_UNDEFINED;
+  if (!any || !s.depthAttached) s.depthTest = s.depthBoundsTest = false;
+  if (!any || !s.stencilAttached) s.stencilTest = false;
+  s.depthWrite = s.depthWrite && s.depthTest;
+}
 
 uint32_t extendedBit(VkDynamicState state) {
   for (const StateBit& b : kBits)

@@ -30,6 +30,9 @@ enum ExtendedBit : uint32_t {
 //! 0 for states of other kinds.
 uint32_t extendedBit(VkDynamicState state);
 
+//! Tests whose aspect is not attached are off, and without the test depth is not written.
+void leaveOutMissingAspects(pipeline::GraphicsState& s);
+
 //! Values set so far in a command buffer. Zero-initialised; compared as bytes.
 struct ExtendedState {
   uint32_t cullMode = 0, frontFace = 0, topology = 0;

@@ -10,15 +10,20 @@
 namespace pumice::icd {
 namespace {
 
+struct FormatFeatures {
+  VkFormatFeatureFlags2 linear = 0, optimal = 0, buffer = 0;
+};
+FormatFeatures formatFeatures(VkFormat format) {
+  const auto* f = texture::formatInfo(format);
+  if (!f) return {};
+  return {texture::linearFeatures(*f), texture::optimalFeatures(*f), texture::bufferFeatures(*f)};
+}
+
+// The 64-bit flags' low word is the old type; its top bit was never given a meaning.
+VkFormatFeatureFlags oldFlags(VkFormatFeatureFlags2 flags) { return VkFormatFeatureFlags(flags & 0x7fffffff); }
 VkFormatProperties formatProperties(VkFormat format) {
-  VkFormatProperties p{};
-  if (const auto* f = texture::formatInfo(format)) {
-    // The 64-bit flags' low word is the old type.
-    p.linearTilingFeatures = VkFormatFeatureFlags(texture::linearFeatures(*f));
-    p.optimalTilingFeatures = VkFormatFeatureFlags(texture::optimalFeatures(*f));
-    p.bufferFeatures = VkFormatFeatureFlags(texture::bufferFeatures(*f));
-  }
-  return p;
+  FormatFeatures f = formatFeatures(format);
+  return {oldFlags(f.linear), oldFlags(f.optimal), oldFlags(f.buffer)};
 }
 
 // What a usage needs of a format.
@@ -71,7 +76,7 @@ VkResult imageFormatProperties(const PhysicalDevice& device, VkFormat format, Vk
   bool multisampled = !linear && type == VK_IMAGE_TYPE_2D && !(flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) &&
                       !(usage & VK_IMAGE_USAGE_STORAGE_BIT) &&
                       (features & (VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT | VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT));
-  out.sampleCounts = multisampled ? texture::sampleCounts(*f) : VK_SAMPLE_COUNT_1_BIT;
+  out.sampleCounts = multisampled ? texture::sampleCounts(*f) : VkSampleCountFlags(VK_SAMPLE_COUNT_1_BIT);
   out.maxResourceSize = std::min<uint64_t>(device.memory.memoryHeaps[0].size, uint64_t(1) << 40);
   return VK_SUCCESS;
 }
@@ -84,6 +89,14 @@ VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceFormatProperties(VkPhysicalDevice,
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceFormatProperties2(VkPhysicalDevice, VkFormat format, VkFormatProperties2* out) {
   out->formatProperties = formatProperties(format);
+  for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext)
+    if (s->sType == VK_STRUCTURE_TYPE_FORMAT_PROPERTIES_3) {
+      FormatFeatures f = formatFeatures(format);
+      auto& p = *reinterpret_cast<VkFormatProperties3*>(s);
+      p.linearTilingFeatures = f.linear;
+      p.optimalTilingFeatures = f.optimal;
+      p.bufferFeatures = f.buffer;
+    }
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceImageFormatProperties(VkPhysicalDevice handle, VkFormat format, VkImageType type, VkImageTiling tiling,
@@ -92,12 +105,22 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceImageFormatProperties(VkPhysic
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceImageFormatProperties2(VkPhysicalDevice handle, const VkPhysicalDeviceImageFormatInfo2* info, VkImageFormatProperties2* out) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext) switch (s->sType) {
+      case VK_STRUCTURE_TYPE_EXTERNAL_IMAGE_FORMAT_PROPERTIES: reinterpret_cast<VkExternalImageFormatProperties*>(s)->externalMemoryProperties = {}; break;
+      case VK_STRUCTURE_TYPE_SAMPLER_YCBCR_CONVERSION_IMAGE_FORMAT_PROPERTIES:
+        reinterpret_cast<VkSamplerYcbcrConversionImageFormatProperties*>(s)->combinedImageSamplerDescriptorCount = 1;
+        break;
+      default: break;
+    }
   auto* external = findInChain<VkPhysicalDeviceExternalImageFormatInfo>(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_IMAGE_FORMAT_INFO);
+  // The stencil aspect may have a usage of its own: both must be possible.
+  auto* stencil = findInChain<VkImageStencilUsageCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_IMAGE_STENCIL_USAGE_CREATE_INFO);
+  VkImageUsageFlags usage = info->usage | (stencil ? stencil->stencilUsage : VkImageUsageFlags(0));
   if (external && external->handleType) {
     out->imageFormatProperties = {};
     return VK_ERROR_FORMAT_NOT_SUPPORTED;
   }
-  return imageFormatProperties(*from(handle), info->format, info->type, info->tiling, info->usage, info->flags, out->imageFormatProperties);
+  return imageFormatProperties(*from(handle), info->format, info->type, info->tiling, usage, info->flags, out->imageFormatProperties);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceSparseImageFormatProperties(VkPhysicalDevice, VkFormat, VkImageType, VkSampleCountFlagBits, VkImageUsageFlags,

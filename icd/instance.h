@@ -5,7 +5,9 @@
 #include <string>
 #include <string_view>
 
+#include "icd/features.h"
 #include "icd/object.h"
+#include "icd/properties.h"
 
 namespace pumice::icd {
 
@@ -35,7 +37,8 @@ struct Instance;
 struct PhysicalDevice : Dispatchable {
   Instance* instance = nullptr;
   VkPhysicalDeviceProperties properties{};
-  VkPhysicalDeviceFeatures features{};
+  ExtendedProperties extendedProperties;
+  FeatureSet features;
   VkPhysicalDeviceMemoryProperties memory{};
 };
 
@@ -49,8 +52,6 @@ struct Instance : Dispatchable {
 
 //! Fills properties, features and memory from the tables the implementation uses.
 void initPhysicalDevice(PhysicalDevice& device);
-//! The feature bits of the core 1.0 structure, one table for queries and device creation.
-VkPhysicalDeviceFeatures supportedFeatures();
 
 PUMICE_HANDLE(Instance, VkInstance)
 PUMICE_HANDLE(PhysicalDevice, VkPhysicalDevice)

@@ -97,61 +97,6 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   return l;
 }
 
-void driverUuid(uint8_t out[VK_UUID_SIZE]) {
-  std::memset(out, 0, VK_UUID_SIZE);
-  std::memcpy(out, "pumice-" PUMICE_VERSION, std::min<size_t>(VK_UUID_SIZE, sizeof("pumice-" PUMICE_VERSION) - 1));
-}
-
-// Fills the structures of a properties chain that the device knows; others stay untouched.
-void fillPropertiesChain(const PhysicalDevice& device, void* chain) {
-  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (s->sType) {
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DRIVER_PROPERTIES: {
-        auto& p = *reinterpret_cast<VkPhysicalDeviceDriverProperties*>(s);
-        p.driverID = VkDriverId(0);
-        std::snprintf(p.driverName, sizeof p.driverName, "Pumice");
-        std::snprintf(p.driverInfo, sizeof p.driverInfo, "Pumice " PUMICE_VERSION);
-        p.conformanceVersion = {};
-        break;
-      }
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ID_PROPERTIES: {
-        auto& p = *reinterpret_cast<VkPhysicalDeviceIDProperties*>(s);
-        driverUuid(p.deviceUUID);
-        driverUuid(p.driverUUID);
-        p.deviceLUIDValid = VK_FALSE;
-        p.deviceNodeMask = 0;
-        break;
-      }
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_3_PROPERTIES: {
-        auto& p = *reinterpret_cast<VkPhysicalDeviceMaintenance3Properties*>(s);
-        p.maxPerSetDescriptors = 1 << 20;
-        p.maxMemoryAllocationSize = device.memory.memoryHeaps[0].size;
-        break;
-      }
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_POINT_CLIPPING_PROPERTIES:
-        reinterpret_cast<VkPhysicalDevicePointClippingProperties*>(s)->pointClippingBehavior = VK_POINT_CLIPPING_BEHAVIOR_ALL_CLIP_PLANES;
-        break;
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TIMELINE_SEMAPHORE_PROPERTIES:
-        reinterpret_cast<VkPhysicalDeviceTimelineSemaphoreProperties*>(s)->maxTimelineSemaphoreValueDifference = ~0ull;
-        break;
-      default: break;
-    }
-}
-
-void fillFeaturesChain(void* chain) {
-  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (s->sType) {
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_IMAGELESS_FRAMEBUFFER_FEATURES:
-        reinterpret_cast<VkPhysicalDeviceImagelessFramebufferFeatures*>(s)->imagelessFramebuffer = VK_TRUE;
-        break;
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_TIMELINE_SEMAPHORE_FEATURES:
-        reinterpret_cast<VkPhysicalDeviceTimelineSemaphoreFeatures*>(s)->timelineSemaphore = VK_TRUE;
-        break;
-      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_HOST_QUERY_RESET_FEATURES:
-        reinterpret_cast<VkPhysicalDeviceHostQueryResetFeatures*>(s)->hostQueryReset = VK_TRUE;
-        break;
-      default: break;
-    }
-}
-
 VkQueueFamilyProperties queueFamily() {
   VkQueueFamilyProperties p{};
   p.queueFlags = VK_QUEUE_GRAPHICS_BIT | VK_QUEUE_COMPUTE_BIT | VK_QUEUE_TRANSFER_BIT;
@@ -162,14 +107,6 @@ VkQueueFamilyProperties queueFamily() {
 }
 
 }  // namespace
-
-VkPhysicalDeviceFeatures supportedFeatures() {
-  VkPhysicalDeviceFeatures f{};
-#define PUMICE_FEATURE(member, supported) f.member = supported;
-#include "icd/features.inc"
-#undef PUMICE_FEATURE
-  return f;
-}
 
 void initPhysicalDevice(PhysicalDevice& device) {
   // Half a page of slack aside, everything the process may use is the heap.
@@ -185,6 +122,7 @@ void initPhysicalDevice(PhysicalDevice& device) {
   std::snprintf(p.deviceName, sizeof p.deviceName, "Pumice (%s, %u threads)", interp::interpreterTarget(), base::usableCpus());
   driverUuid(p.pipelineCacheUUID);
   p.limits = deviceLimits(heap);
+  initProperties(device.extendedProperties, p.limits, heap);
 
   VkPhysicalDeviceMemoryProperties& m = device.memory;
   m.memoryTypeCount = 1;
@@ -201,16 +139,16 @@ VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceProperties(VkPhysicalDevice handle
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceProperties2(VkPhysicalDevice handle, VkPhysicalDeviceProperties2* out) {
   out->properties = from(handle)->properties;
-  fillPropertiesChain(*from(handle), out->pNext);
+  fillProperties(from(handle)->extendedProperties, out->pNext);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceFeatures(VkPhysicalDevice handle, VkPhysicalDeviceFeatures* out) {
-  *out = from(handle)->features;
+  *out = coreFeatures(from(handle)->features);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceFeatures2(VkPhysicalDevice handle, VkPhysicalDeviceFeatures2* out) {
-  out->features = from(handle)->features;
-  fillFeaturesChain(out->pNext);
+  out->features = coreFeatures(from(handle)->features);
+  fillFeatures(from(handle)->features, out->pNext);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceQueueFamilyProperties(VkPhysicalDevice, uint32_t* count, VkQueueFamilyProperties* out) {

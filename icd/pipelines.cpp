@@ -109,6 +109,8 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.colorCount = std::min(r->colorAttachmentCount, pipeline::kMaxColorAttachments);
     std::copy_n(r->pColorAttachmentFormats, s.colorCount, s.colorFormats);
     s.depthStencilFormat = r->depthAttachmentFormat ? r->depthAttachmentFormat : r->stencilAttachmentFormat;
+    s.depthAttached = r->depthAttachmentFormat;
+    s.stencilAttached = r->stencilAttachmentFormat;
   }
   if (auto* d = info.pDepthStencilState; d && s.depthStencilFormat != VK_FORMAT_UNDEFINED) {
     s.depthTest = d->depthTestEnable;
@@ -120,6 +122,7 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.stencilBack = d->back;
     s.minDepthBounds = d->minDepthBounds;
     s.maxDepthBounds = d->maxDepthBounds;
+    leaveOutMissingAspects(s);
   }
   if (auto* c = info.pColorBlendState; c && s.colorCount) {
     s.logicOpEnable = c->logicOpEnable;

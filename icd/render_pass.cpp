@@ -22,7 +22,6 @@ void fill(RenderPass& pass, const Info& info) {
     const auto& a = info.pAttachments[i];
     pass.attachments.push_back({a.format, uint32_t(a.samples), a.loadOp, a.stencilLoadOp, a.storeOp, a.stencilStoreOp});
   }
-  pass.firstUse.assign(info.attachmentCount, ~0u);
   for (uint32_t i = 0; i < info.subpassCount; i++) {
     const auto& s = info.pSubpasses[i];
     Subpass out;
@@ -31,13 +30,10 @@ void fill(RenderPass& pass, const Info& info) {
     out.inputs = numbers(s.pInputAttachments, s.inputAttachmentCount);
     if (s.pDepthStencilAttachment) out.depthStencil = s.pDepthStencilAttachment->attachment;
     if constexpr (requires { s.viewMask; }) out.viewMask = s.viewMask;
-    auto use = [&](uint32_t a) {
-      if (a < pass.firstUse.size()) pass.firstUse[a] = std::min(pass.firstUse[a], i);
-    };
-    for (auto* list : {&out.colors, &out.resolves, &out.inputs}) std::for_each(list->begin(), list->end(), use);
-    use(out.depthStencil);
     pass.subpasses.push_back(std::move(out));
   }
+  if (auto* m = findInChain<VkRenderPassMultiviewCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_RENDER_PASS_MULTIVIEW_CREATE_INFO))
+    for (uint32_t i = 0; i < m->subpassCount && i < info.subpassCount; i++) pass.subpasses[i].viewMask = m->pViewMasks[i];
 }
 
 template <typename Info>
@@ -66,8 +62,30 @@ pipeline::Attachment attachmentOf(const ImageView& view) {
   return a;
 }
 
+bool Subpass::uses(uint32_t attachment) const {
+  auto in = [&](const std::vector<uint32_t>& list) { return std::find(list.begin(), list.end(), attachment) != list.end(); };
+  return attachment == depthStencil || in(colors) || in(resolves) || in(inputs);
+}
+
+bool RenderPass::firstUse(uint32_t attachment, uint32_t subpass, uint32_t view) const {
+  for (uint32_t i = 0; i < subpass; i++)
+    if (subpasses[i].uses(attachment) && (!subpasses[i].viewMask || subpasses[i].viewMask >> view & 1)) return false;
+  return true;
+}
+
+void selectView(pipeline::PassBegin& begin, uint32_t view) {
+  auto select = [&](pipeline::Attachment& a) {
+    a.baseLayer += view;
+    a.layerCount = 1;
+  };
+  for (uint32_t i = 0; i < begin.colorCount; i++) select(begin.color[i]), select(begin.resolve[i]);
+  select(begin.depthStencil);
+  begin.layers = 1;
+  begin.viewIndex = view;
+}
+
 pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const Framebuffer& framebuffer, std::span<ImageView* const> views,
-                                 const VkRect2D& area, std::span<const VkClearValue> clears) {
+                                 const VkRect2D& area, std::span<const VkClearValue> clears, uint32_t view) {
   const Subpass& subpass = pass.subpasses[number];
   pipeline::PassBegin begin;
   begin.renderArea = area;
@@ -79,7 +97,7 @@ pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const 
     if (index >= views.size() || !views[index]) return a;
     a = attachmentOf(*views[index]);
     const AttachmentInfo& info = pass.attachments[index];
-    if (pass.firstUse[index] == number) {
+    if (pass.firstUse(index, number, view)) {
       a.loadOp = info.loadOp;
       a.stencilLoadOp = info.stencilLoadOp;
     }

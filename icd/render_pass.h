@@ -20,13 +20,14 @@ struct Subpass {
   std::vector<uint32_t> colors, resolves, inputs;   //!< VK_ATTACHMENT_UNUSED where absent; resolves is empty or as long as colors
   uint32_t depthStencil = VK_ATTACHMENT_UNUSED;
   uint32_t viewMask = 0;
+  bool uses(uint32_t attachment) const;
 };
 
 struct RenderPass {
   std::vector<AttachmentInfo> attachments;
   std::vector<Subpass> subpasses;
-  //! First and last subpass that uses each attachment: load ops happen at the first.
-  std::vector<uint32_t> firstUse;
+  //! Load ops happen in the first subpass that uses an attachment (and, in multiview, has the view).
+  bool firstUse(uint32_t attachment, uint32_t subpass, uint32_t view) const;
 };
 
 struct Framebuffer {
@@ -34,9 +35,11 @@ struct Framebuffer {
   uint32_t width = 0, height = 0, layers = 1;
 };
 
-//! What one subpass needs of its attachments. `views` and `clears` by attachment number.
+//! What one subpass needs of its attachments. `views` and `clears` by attachment number; `view` of multiview, else 0.
 pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t subpass, const Framebuffer& framebuffer,
-                                 std::span<ImageView* const> views, const VkRect2D& area, std::span<const VkClearValue> clears);
+                                 std::span<ImageView* const> views, const VkRect2D& area, std::span<const VkClearValue> clears, uint32_t view);
+//! Leaves of each attachment the layer that belongs to the view.
+void selectView(pipeline::PassBegin& begin, uint32_t view);
 //! An attachment made of a view (load and store, no clear).
 pipeline::Attachment attachmentOf(const ImageView& view);
 

@@ -273,6 +273,7 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   c.firstVertex = params.first;
   c.firstInstance = params.firstInstance;
   c.drawIndex = params.drawIndex;
+  c.viewIndex = pass.viewIndex;
   c.samples = fixed.samples;
   for (const auto& b : fixed.vertexBindings) c.vertexStrides[b.binding] = b.stride;
   std::memcpy(record->push, state.push, sizeof record->push);

@@ -51,6 +51,7 @@ struct Attachment {
 struct PassBegin {
   VkRect2D renderArea{};
   uint32_t width = 0, height = 0, layers = 1;   //!< framebuffer
+  uint32_t viewIndex = 0;                       //!< of multiview: this pass draws one view
   Attachment color[kMaxColorAttachments];
   Attachment resolve[kMaxColorAttachments];     //!< same index as color
   uint32_t colorCount = 0;

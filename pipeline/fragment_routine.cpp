@@ -126,7 +126,11 @@ class FragmentExpander : public StageExpander {
     std::vector<Value> operands(given.begin(), given.end());
     operands[2] = b.iadd(operands[2], b.convert(Op::FToS, Type::I32, builtinValue(b, kFragCoord, 0)));
     operands[3] = b.iadd(operands[3], b.convert(Op::FToS, Type::I32, builtinValue(b, kFragCoord, 1)));
-    return StageExpander::image(b, op, operands);
+    // In multiview the view is the attachment's layer.
+    ir::ImageOpInfo layered = op;
+    layered.arrayed = true;
+    operands.insert(operands.begin() + 4, PUMICE_DRAW_FIELD(b, I32, viewIndex));
+    return StageExpander::image(b, layered, operands);
   }
 
   void demote(ir::Builder& b) override {

@@ -15,6 +15,8 @@ struct Binding {
   uint32_t count = 0;
   uint32_t offset = 0;          //!< bytes in set memory
   uint32_t stride = 0;          //!< texture::descriptorStride(type)
+  uint32_t inlineBytes = 0;     //!< of an inline uniform block: then type is UNIFORM_BUFFER, count 1, and the descriptor points to the bytes 64 behind it
+  bool variable = false;        //!< the last binding of the set: a set may have fewer than count elements
   uint32_t dynamicIndex = 0;    //!< first dynamic offset of this binding within its set (dynamic buffer types)
   VkShaderStageFlags stages = 0;
   std::vector<texture::SamplerDescriptor> immutableSamplers;

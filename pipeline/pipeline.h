@@ -46,6 +46,7 @@ struct GraphicsState {
   VkFormat colorFormats[kMaxColorAttachments] = {};   //!< UNDEFINED where the subpass has no attachment
   uint32_t colorCount = 0;
   VkFormat depthStencilFormat = VK_FORMAT_UNDEFINED;
+  bool depthAttached = true, stencilAttached = true;  //!< false: dynamic rendering without this aspect of the format
   DynamicStates dynamic = 0;
   ir::Numerics numerics = defaultNumerics();
 };

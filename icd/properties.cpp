@@ -1,0 +1,129 @@
+#include "icd/properties.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstring>
+
+#include "pipeline/layout.h"
+#include "spirv_interp/frontend/support.h"
+#include "spirv_interp/ir/ir.h"
+#include "texture/format.h"
+
+namespace pumice::icd {
+namespace {
+
+// Many, where the implementation has no bound of its own.
+constexpr uint32_t kMany = 1 << 20;
+
+void initVulkan11(VkPhysicalDeviceVulkan11Properties& p, uint64_t heapBytes) {
+  driverUuid(p.deviceUUID);
+  driverUuid(p.driverUUID);
+  p.deviceLUIDValid = VK_FALSE;
+  p.subgroupSize = ir::kSubgroupLanes;
+  p.subgroupSupportedStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
+  p.subgroupSupportedOperations = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
+                                  VK_SUBGROUP_FEATURE_BALLOT_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT |
+                                  VK_SUBGROUP_FEATURE_CLUSTERED_BIT | VK_SUBGROUP_FEATURE_QUAD_BIT;
+  p.subgroupQuadOperationsInAllStages = VK_FALSE;   // in fragment and compute shaders
+  p.pointClippingBehavior = VK_POINT_CLIPPING_BEHAVIOR_ALL_CLIP_PLANES;
+  p.maxMultiviewViewCount = 6;
+  p.maxMultiviewInstanceIndex = 0x7fffffff;
+  p.protectedNoFault = VK_FALSE;
+  p.maxPerSetDescriptors = kMany;
+  p.maxMemoryAllocationSize = heapBytes;
+}
+
+// What shaders may ask of denormals, signed zeros and rounding is what the frontend accepts.
+VkBool32 floatMode(spv::Capability capability, spv::ExecutionMode mode, uint32_t width) {
+  return frontend::supportsCapability(uint32_t(capability)) && !frontend::whyNotExecutionMode(uint32_t(mode), width);
+}
+
+void initFloatControls(VkPhysicalDeviceVulkan12Properties& p) {
+  using C = spv::Capability;
+  using M = spv::ExecutionMode;
+  p.denormBehaviorIndependence = VK_SHADER_FLOAT_CONTROLS_INDEPENDENCE_ALL;
+  p.roundingModeIndependence = VK_SHADER_FLOAT_CONTROLS_INDEPENDENCE_ALL;
+#define PUMICE_FLOAT_MODE(member, mode)                                     \
+  p.shader##member##Float16 = floatMode(C::mode, M::mode, 16);              \
+  p.shader##member##Float32 = floatMode(C::mode, M::mode, 32);              \
+  p.shader##member##Float64 = floatMode(C::mode, M::mode, 64);
+  PUMICE_FLOAT_MODE(SignedZeroInfNanPreserve, SignedZeroInfNanPreserve)
+  PUMICE_FLOAT_MODE(DenormPreserve, DenormPreserve)
+  PUMICE_FLOAT_MODE(DenormFlushToZero, DenormFlushToZero)
+  PUMICE_FLOAT_MODE(RoundingModeRTE, RoundingModeRTE)
+  PUMICE_FLOAT_MODE(RoundingModeRTZ, RoundingModeRTZ)
+#undef PUMICE_FLOAT_MODE
+}
+
+void initVulkan12(VkPhysicalDeviceVulkan12Properties& p, const VkPhysicalDeviceLimits& l) {
+  p.driverID = VkDriverId(0);   // none of the registered drivers
+  std::snprintf(p.driverName, sizeof p.driverName, "Pumice");
+  std::snprintf(p.driverInfo, sizeof p.driverInfo, "Pumice " PUMICE_VERSION);
+  p.conformanceVersion = {};    // not submitted
+  initFloatControls(p);
+  p.maxUpdateAfterBindDescriptorsInAllPools = kMany;
+  p.shaderUniformBufferArrayNonUniformIndexingNative = VK_TRUE;
+  p.shaderStorageBufferArrayNonUniformIndexingNative = VK_TRUE;
+  p.robustBufferAccessUpdateAfterBind = VK_TRUE;
+  p.maxPerStageDescriptorUpdateAfterBindSamplers = l.maxPerStageDescriptorSamplers;
+  p.maxPerStageDescriptorUpdateAfterBindUniformBuffers = l.maxPerStageDescriptorUniformBuffers;
+  p.maxPerStageDescriptorUpdateAfterBindStorageBuffers = l.maxPerStageDescriptorStorageBuffers;
+  p.maxPerStageDescriptorUpdateAfterBindSampledImages = l.maxPerStageDescriptorSampledImages;
+  p.maxPerStageDescriptorUpdateAfterBindStorageImages = l.maxPerStageDescriptorStorageImages;
+  p.maxPerStageDescriptorUpdateAfterBindInputAttachments = l.maxPerStageDescriptorInputAttachments;
+  p.maxPerStageUpdateAfterBindResources = l.maxPerStageResources;
+  p.maxDescriptorSetUpdateAfterBindSamplers = l.maxDescriptorSetSamplers;
+  p.maxDescriptorSetUpdateAfterBindUniformBuffers = l.maxDescriptorSetUniformBuffers;
+  p.maxDescriptorSetUpdateAfterBindUniformBuffersDynamic = l.maxDescriptorSetUniformBuffersDynamic;
+  p.maxDescriptorSetUpdateAfterBindStorageBuffers = l.maxDescriptorSetStorageBuffers;
+  p.maxDescriptorSetUpdateAfterBindStorageBuffersDynamic = l.maxDescriptorSetStorageBuffersDynamic;
+  p.maxDescriptorSetUpdateAfterBindSampledImages = l.maxDescriptorSetSampledImages;
+  p.maxDescriptorSetUpdateAfterBindStorageImages = l.maxDescriptorSetStorageImages;
+  p.maxDescriptorSetUpdateAfterBindInputAttachments = l.maxDescriptorSetInputAttachments;
+  p.maxTimelineSemaphoreValueDifference = ~0ull;
+  p.framebufferIntegerColorSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_R8G8B8A8_UINT));
+}
+
+void initVulkan13(VkPhysicalDeviceVulkan13Properties& p, const VkPhysicalDeviceLimits& l, uint64_t heapBytes) {
+  p.minSubgroupSize = p.maxSubgroupSize = ir::kSubgroupLanes;
+  p.maxComputeWorkgroupSubgroups = pipeline::kMaxGroupInvocations / ir::kSubgroupLanes;
+  p.requiredSubgroupSizeStages = VK_SHADER_STAGE_COMPUTE_BIT;
+  p.storageTexelBufferOffsetAlignmentBytes = p.uniformTexelBufferOffsetAlignmentBytes = l.minTexelBufferOffsetAlignment;
+  p.storageTexelBufferOffsetSingleTexelAlignment = p.uniformTexelBufferOffsetSingleTexelAlignment = VK_TRUE;
+  p.maxBufferSize = std::min(heapBytes, uint64_t(1) << 47);
+}
+
+}  // namespace
+
+void driverUuid(uint8_t out[VK_UUID_SIZE]) {
+  std::memset(out, 0, VK_UUID_SIZE);
+  std::memcpy(out, "pumice-" PUMICE_VERSION, std::min<size_t>(VK_UUID_SIZE, sizeof("pumice-" PUMICE_VERSION) - 1));
+}
+
+void initProperties(ExtendedProperties& p, const VkPhysicalDeviceLimits& limits, uint64_t heapBytes) {
+  initVulkan11(p.v11, heapBytes);
+  initVulkan12(p.v12, limits);
+  initVulkan13(p.v13, limits, heapBytes);
+}
+
+void fillProperties(const ExtendedProperties& all, void* chain) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (s->sType) {
+#define PUMICE_PROPERTY_MEMBER(aggregate, from, to)                \
+  static_assert(sizeof(p.to) == sizeof(all.aggregate.from));       \
+  std::memcpy(&p.to, &all.aggregate.from, sizeof(p.to));
+#define PUMICE_PROPERTY_STRUCT(type, Struct, members) \
+  case type: {                                        \
+    auto& p = *reinterpret_cast<Struct*>(s);          \
+    members break;                                    \
+  }
+#include "property_structs.inc"
+#undef PUMICE_PROPERTY_STRUCT
+#undef PUMICE_PROPERTY_MEMBER
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PUSH_DESCRIPTOR_PROPERTIES_KHR:
+        reinterpret_cast<VkPhysicalDevicePushDescriptorPropertiesKHR*>(s)->maxPushDescriptors = 256;
+        break;
+      default: break;
+    }
+}
+
+}  // namespace pumice::icd
