@@ -1,4 +1,4 @@
-// The sRGB tables that routines read through ir::kTableConstants.
+// The tables that routines read through ir::kTableConstants.
 #include "texture/constants.h"
 
 #include <bit>
@@ -37,11 +37,9 @@ SrgbTables makeTables() {
 
 }  // namespace
 
-const SrgbTables& srgbTables() {
-  static const SrgbTables tables = makeTables();
-  return tables;
+ConstantTable constantTable() {
+  static const ConstantTables tables = {makeTables(), makeBlockTables(decodeSrgb)};
+  return {reinterpret_cast<const std::byte*>(&tables), sizeof(tables)};
 }
-
-ConstantTable constantTable() { return {reinterpret_cast<const std::byte*>(&srgbTables()), sizeof(SrgbTables)}; }
 
 }  // namespace pumice::texture

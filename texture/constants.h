@@ -1,7 +1,10 @@
 // Layout of the table ir::kTableConstants.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+
+#include "texture/block_tables.h"
 
 namespace pumice::texture {
 
@@ -20,6 +23,9 @@ struct SrgbTables {
   SrgbBucket encode[kSrgbBuckets];
 };
 
-const SrgbTables& srgbTables();
+struct ConstantTables {
+  SrgbTables srgb;  // first: pack.cpp addresses it from the table's start
+  BlockTables blocks;
+};
 
 }  // namespace pumice::texture

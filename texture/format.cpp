@@ -7,7 +7,7 @@ namespace pumice::texture {
 namespace {
 
 // What the rooms above implement; capability queries follow these and the table alone.
-constexpr bool kSampleCompressed = false;      // block decoding in loadTexel()
+constexpr bool kSampleCompressed = true;       // block decoding: texture/block.h
 constexpr bool kStorage = true;                // image reads, writes and atomics in expandImage()
 constexpr VkSampleCountFlags kSampleCounts = VK_SAMPLE_COUNT_1_BIT | VK_SAMPLE_COUNT_4_BIT;
 

@@ -1,6 +1,7 @@
 // expandImage(): fetches, reads, writes, atomics and queries; samples go to sample.cpp.
 #include <cstddef>
 
+#include "texture/block.h"
 #include "texture/sample.h"
 
 namespace pumice::texture {
@@ -16,6 +17,22 @@ Value ImageBuild::extent(unsigned i, Value level) const {
   constexpr size_t kField[] = {offsetof(ImageDescriptor, width), offsetof(ImageDescriptor, height), offsetof(ImageDescriptor, depth)};
   Value first = fields.i32(kField[i]);
   return level ? b.umax(b.lshr(first, level), b.i32(1)) : first;
+}
+
+Value texelOffset(ImageBuild& s, const SliceAddress& slice, const Value (&at)[3]) {
+  Builder& b = s.b;
+  const FormatInfo& f = s.format;
+  auto element = [&](Value i) { return f.isCompressed() ? b.lshr(i, b.i32(2)) : i; };
+  Value offset = columnOffset(b, s.image.key.tiled, f.elementBytes, element(at[0]));
+  if (s.dimensions > 1) offset = b.iadd(offset, rowOffset(b, s.image.key.tiled, f.elementBytes, slice.rowPitch, element(at[1])));
+  return offset;
+}
+
+Texel loadTexelAt(ImageBuild& s, const SliceAddress& slice, const Value (&at)[3], bool constant) {
+  Builder& b = s.b;
+  Value offset = texelOffset(s, slice, at);
+  if (!s.format.isCompressed()) return loadTexel(b, s.format, slice.base, offset, slice.size, constant);
+  return loadBlockTexel(b, s.format, slice.base, offset, slice.size, constant, b.and_(at[0], b.i32(3)), b.and_(at[1], b.i32(3)));
 }
 
 Texel swizzle(Builder& b, const ViewKey& key, bool integer, const Texel& t) {
@@ -107,6 +124,7 @@ Texel incoming(Builder& b, const FormatInfo& f, std::span<const Value> data) {
 // The element that integer coordinates name; size is 0 where they are outside the image.
 struct Element {
   Value base, offset, size;
+  Value inBlock[2] = {};  // of compressed images: the texel in the element
 };
 
 Element bufferElement(ImageBuild& s) {
@@ -141,9 +159,15 @@ Element imageElement(ImageBuild& s) {
   if (layer) require(b.ult(layer, s.fields.i32(offsetof(ImageDescriptor, layerCount))));
   if (s.in.sample) require(b.ult(s.in.sample, s.fields.i32(offsetof(ImageDescriptor, samples))));
   SliceAddress slice = sliceAddress(s.fields, level, layer, dimensions > 2 ? coordinate[2] : 0, s.in.sample);
-  Value offset = columnOffset(b, s.image.key.tiled, s.format.elementBytes, coordinate[0]);
-  if (dimensions > 1) offset = b.iadd(offset, rowOffset(b, s.image.key.tiled, s.format.elementBytes, slice.rowPitch, coordinate[1]));
-  return {slice.base, offset, b.select(inside, slice.size, b.i64(0))};
+  Value offset = texelOffset(s, slice, coordinate);
+  Element e = {slice.base, offset, b.select(inside, slice.size, b.i64(0))};
+  for (unsigned i = 0; i < 2 && s.format.isCompressed(); ++i) e.inBlock[i] = b.and_(coordinate[i], b.i32(3));
+  return e;
+}
+
+Texel loadElement(ImageBuild& s, const Element& e, bool constant) {
+  if (s.format.isCompressed()) return loadBlockTexel(s.b, s.format, e.base, e.offset, e.size, constant, e.inBlock[0], e.inBlock[1]);
+  return loadTexel(s.b, s.format, e.base, e.offset, e.size, constant);
 }
 
 std::vector<Value> querySize(ImageBuild& s) {
@@ -188,8 +212,8 @@ std::vector<Value> expandImage(Builder& b, const ir::ImageOpInfo& op, std::span<
     *error = "image instruction with too few operands";
     return {};
   }
-  if (format.isCompressed() && op.kind != ImageKind::QuerySize && op.kind != ImageKind::QueryLevels && op.kind != ImageKind::QuerySamples) {
-    *error = "reading block-compressed images is not supported yet";
+  if (format.isCompressed() && (op.kind == ImageKind::Write || op.kind == ImageKind::Atomic || s.dimensions < 2)) {
+    *error = "block-compressed images are two- or three-dimensional and cannot be written by shaders";
     return {};
   }
   if (isSample(op.kind) && op.dim == ImageDim::Buffer) {
@@ -212,11 +236,11 @@ std::vector<Value> expandImage(Builder& b, const ir::ImageOpInfo& op, std::span<
       Element e = element();
       // Images that are only sampled do not change during a draw; attachments do.
       const bool constant = op.dim != ImageDim::SubpassData;
-      return finish(b, op, swizzle(b, image.key, s.integer(), loadTexel(b, format, e.base, e.offset, e.size, constant)));
+      return finish(b, op, swizzle(b, image.key, s.integer(), loadElement(s, e, constant)));
     }
     case ImageKind::Read: {
       Element e = element();
-      return finish(b, op, swizzle(b, image.key, s.integer(), loadTexel(b, format, e.base, e.offset, e.size, false)));
+      return finish(b, op, swizzle(b, image.key, s.integer(), loadElement(s, e, false)));
     }
     case ImageKind::Write: {
       Element e = element();

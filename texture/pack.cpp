@@ -44,14 +44,6 @@ Value signedBitField(Builder& b, const FormatInfo& f, const RawElement& raw, con
   return v;
 }
 
-// v / divisor, correctly rounded for all |v| <= divisor = 2^n - 1, n <= 24 (tested for each): the reciprocal in two parts.
-Value divideExact(Builder& b, Value v, uint32_t divisor) {
-  if (divisor == 1) return v;
-  float high = float(1.0 / divisor);
-  float low = float(1.0 / divisor - double(high));
-  return b.fma(v, b.f32(high), b.fmul(v, b.f32(low)));
-}
-
 // A small unsigned float with a five-bit exponent is a half without its sign and lowest mantissa bits.
 Value decodeSmallFloat(Builder& b, Value bits, unsigned width) {
   if (width < 15) bits = b.shl(bits, b.i32(15 - width));
@@ -221,6 +213,14 @@ Texel unpackWith(Builder& b, const FormatInfo& f, const RawElement& raw, bool sc
 }
 
 }  // namespace
+
+// The reciprocal in two parts.
+Value divideExact(Builder& b, Value v, uint32_t divisor) {
+  if (divisor == 1) return v;
+  float high = float(1.0 / divisor);
+  float low = float(1.0 / divisor - double(high));
+  return b.fma(v, b.f32(high), b.fmul(v, b.f32(low)));
+}
 
 RawLoads rawLoads(const FormatInfo& f) {
   if (f.isCompressed()) return {Type::I32, 0};

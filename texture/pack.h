@@ -10,6 +10,9 @@ Texel unpackUnscaled(ir::Builder& b, const FormatInfo& f, const RawElement& raw)
 //! The division that unpackUnscaled() left out.
 Texel scaleTexel(ir::Builder& b, const FormatInfo& f, const Texel& unscaled);
 
+//! v / divisor of integers in f32, |v| <= divisor: correctly rounded for every divisor that formats have (tested for each).
+ir::Value divideExact(ir::Builder& b, ir::Value v, uint32_t divisor);
+
 //! Loads an element's raw words; outside `size` they are zero.
 RawElement loadRaw(ir::Builder& b, const FormatInfo& f, ir::Value base, ir::Value offset, ir::Value size, bool constant);
 

@@ -4,6 +4,8 @@
 
 #include <cstddef>
 
+#include "texture/block.h"
+
 namespace pumice::texture {
 
 using ir::Builder;
@@ -45,14 +47,24 @@ class Filter {
     for (unsigned i = 0; i < s.dimensions; ++i) border_ |= mode_[i] == VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER;
     compare_ = s.in.dref && s.sampler.key.compareEnable;
     // Filtering is linear: Unorm texels are divided by 2^n - 1 once, afterwards.
-    unscaled_ = linear_ && !border_ && !compare_ && !s.integer();
+    unscaled_ = linear_ && !border_ && !compare_ && !s.integer() && !s.format.isCompressed();
   }
 
   Texel sample(const Point& p, const LevelView& level) {
     Axis axis[3];
     for (unsigned i = 0; i < s_.dimensions; ++i) axis[i] = makeAxis(i, p.coordinate[i], level.extent[i], s_.in.offset[i]);
-    Texel t = reduce(p, level, axis, s_.dimensions, 0);
+    Texel t = s_.isCube() && linear_ ? reduceCube(p, level, axis) : reduce(p, level, axis, s_.dimensions, 0);
     return unscaled_ ? scaleTexel(b_, s_.format, t) : t;
+  }
+
+  //! Two partial results, `weight` being the second's share: their average, or their minimum or maximum.
+  Value combine(Value low, Value high, Value weight) {
+    switch (s_.sampler.key.reduction) {
+      // Only texels that have a share count.
+      case VK_SAMPLER_REDUCTION_MODE_MIN: return b_.select(b_.flt(b_.f32(0.0f), weight), b_.fmin(low, high), low);
+      case VK_SAMPLER_REDUCTION_MODE_MAX: return b_.select(b_.flt(b_.f32(0.0f), weight), b_.fmax(low, high), low);
+      default: return lerp(low, high, weight);
+    }
   }
 
   // The four texels of the linear footprint, in the order gather returns them.
@@ -153,8 +165,35 @@ class Filter {
     if (!axis[n].weight) return low;
     Texel high = reduce(p, level, axis, n, chosen | 1u << n);
     for (int c = 0; c < 4; ++c)
-      if (low[c] != high[c]) low[c] = lerp(low[c], high[c], axis[n].weight);
+      if (low[c] != high[c]) low[c] = combine(low[c], high[c], axis[n].weight);
     return low;
+  }
+
+  // A footprint of 2x2 texels over the edges of a cube. Where three faces meet there is no fourth texel: it is the average of the
+  // other three (spec, "Cube Map Corner Filtering").
+  Texel reduceCube(const Point& p, const LevelView& level, const Axis* axis) {
+    Texel t[4];
+    Value outside[2][2];
+    for (unsigned i = 0; i < 2; ++i)
+      for (unsigned k = 0; k < 2; ++k) outside[i][k] = b_.maskNot(b_.ult(axis[i].index[k], level.extent[i]));
+    for (unsigned n = 0; n < 4; ++n) t[n] = corner(p, level, axis, n);
+    Texel original[4] = {t[0], t[1], t[2], t[3]};
+    for (unsigned n = 0; n < 4; ++n) {
+      Value missing = b_.maskAnd(outside[0][n & 1], outside[1][n >> 1]);
+      const Texel &o1 = original[n ^ 1], &o2 = original[n ^ 2], &o3 = original[n ^ 3];
+      for (int c = 0; c < 4; ++c) {
+        if (b_.isConstant(t[n][c])) continue;
+        Value third = b_.fmul(b_.fadd(b_.fadd(o1[c], o2[c]), o3[c]), b_.f32(1.0f / 3.0f));
+        t[n][c] = b_.select(missing, third, t[n][c]);
+      }
+    }
+    Texel out;
+    for (int c = 0; c < 4; ++c) {
+      out[c] = t[0][c];
+      if (b_.isConstant(t[0][c]) && t[0][c] == t[1][c] && t[0][c] == t[2][c] && t[0][c] == t[3][c]) continue;
+      out[c] = combine(combine(t[0][c], t[1][c], axis[0].weight), combine(t[2][c], t[3][c], axis[0].weight), axis[1].weight);
+    }
+    return out;
   }
 
   // A cube texel beyond its face's edge: the direction through its centre names face and texel.
@@ -195,16 +234,18 @@ class Filter {
       layer = p.base ? b_.iadd(p.base, face) : face;
     }
     SliceAddress slice = sliceAddress(s_.fields, level.level, layer, s_.dimensions > 2 ? at[2] : 0, 0);
-    const uint32_t bytes = s_.format.elementBytes;
-    Value offset = columnOffset(b_, s_.image.key.tiled, bytes, at[0]);
-    if (s_.dimensions > 1) offset = b_.iadd(offset, rowOffset(b_, s_.image.key.tiled, bytes, slice.rowPitch, at[1]));
-    RawElement raw = loadRaw(b_, s_.format, slice.base, offset, slice.size, true);
-    Texel t = unscaled_ ? unpackUnscaled(b_, s_.format, raw) : unpack(b_, s_.format, raw);
+    Texel t = texelAt(slice, at);
     if (inside) {
       for (unsigned c = 0; c < 4; ++c) t[c] = b_.select(inside, t[c], borderComponent(c));
     }
     if (compare_) t = compared(t);
     return t;
+  }
+
+  Texel texelAt(const SliceAddress& slice, const Value (&at)[3]) {
+    if (s_.format.isCompressed()) return loadTexelAt(s_, slice, at, true);
+    RawElement raw = loadRaw(b_, s_.format, slice.base, texelOffset(s_, slice, at), slice.size, true);
+    return unscaled_ ? unpackUnscaled(b_, s_.format, raw) : unpack(b_, s_.format, raw);
   }
 
   Value borderComponent(unsigned c) {
@@ -299,19 +340,107 @@ Value nearestLevel(Builder& b, Value lambda, Value last) {
 
 }  // namespace
 
+namespace {
+
+// Everything of one sample but its place: filters and levels.
+class Sampling {
+ public:
+  Sampling(ImageBuild& s, bool oneLevel, bool mag, bool min, const LevelOfDetail* lod)
+      : s_(s), b_(s.b), lod_(lod), oneLevel_(oneLevel), filter_(s, lod ? mag || min : mag, lod ? linearMask(mag, min) : 0) {}
+
+  Texel sample(const Point& p) {
+    if (!lod_ || oneLevel_) return filter_.sample(p, levelView(s_, 0));
+    Value last = lastLevel(s_);
+    if (s_.sampler.key.mipmapMode == VK_SAMPLER_MIPMAP_MODE_NEAREST || s_.integer())
+      return filter_.sample(p, levelView(s_, nearestLevel(b_, lod_->clamped, last)));
+    return sampleTwo(p, last);
+  }
+
+  Value combine(Value low, Value high, Value weight) { return filter_.combine(low, high, weight); }
+
+ private:
+  Value linearMask(bool mag, bool min) {
+    if (mag == min) return 0;
+    Value magnified = b_.fle(lod_->clamped, b_.f32(0.0f));
+    return mag ? magnified : b_.maskNot(magnified);
+  }
+
+  Texel sampleTwo(const Point& p, Value last) {
+    Value lambda = b_.fmax(b_.fmin(lod_->clamped, b_.convert(Op::SToF, Type::F32, last)), b_.f32(0.0f));
+    Value floor = b_.ffloor(lambda);
+    Value weight = b_.fsub(lambda, floor);
+    Value fine = b_.convert(Op::FToS, Type::I32, floor);
+    Texel t = filter_.sample(p, levelView(s_, fine));
+    // The coarser level only where it has a share.
+    Value result[4];
+    for (int c = 0; c < 4; ++c) {
+      if (b_.isConstant(t[c])) continue;
+      result[c] = b_.var(Type::F32);
+      b_.set(result[c], t[c]);
+    }
+    b_.beginIf(b_.flt(b_.f32(0.0f), weight));
+    Texel coarse = filter_.sample(p, levelView(s_, b_.smin(b_.iadd(fine, b_.i32(1)), last)));
+    for (int c = 0; c < 4; ++c)
+      if (!b_.isConstant(t[c])) b_.set(result[c], combine(t[c], coarse[c], weight));
+    b_.endIf();
+    for (int c = 0; c < 4; ++c)
+      if (!b_.isConstant(t[c])) t[c] = b_.get(result[c]);
+    return t;
+  }
+
+  ImageBuild& s_;
+  Builder& b_;
+  const LevelOfDetail* lod_;
+  bool oneLevel_;
+  Filter filter_;
+};
+
+// The average (or minimum, or maximum) of `count` samples along the footprint's major axis.
+Texel sampleAlong(ImageBuild& s, Sampling& sampling, const Point& p, const Footprint& f) {
+  Builder& b = s.b;
+  const bool average = s.sampler.key.reduction == VK_SAMPLER_REDUCTION_MODE_WEIGHTED_AVERAGE;
+  Value index = b.var(Type::I32);
+  b.set(index, b.i32(0));
+  Value sum[4];
+  for (Value& v : sum) {
+    v = b.var(Type::F32);
+    b.set(v, b.f32(0.0f));
+  }
+  Value step = b.fdiv(b.f32(1.0f), b.convert(Op::SToF, Type::F32, f.count));
+  b.beginLoop();
+  Value i = b.get(index);
+  b.beginIf(b.sle(f.count, i));
+  b.breakOut();
+  b.endIf();
+  Value along = b.fsub(b.fmul(b.fadd(b.convert(Op::SToF, Type::F32, i), b.f32(0.5f)), step), b.f32(0.5f));
+  Point q = p;
+  for (int a = 0; a < 2; ++a) q.coordinate[a] = b.fma(along, f.axis[a], p.coordinate[a]);
+  Texel t = sampling.sample(q);
+  for (int c = 0; c < 4; ++c) {
+    Value before = b.get(sum[c]);
+    Value first = b.ieq(i, b.i32(0));
+    b.set(sum[c], average ? b.fadd(before, t[c]) : b.select(first, t[c], sampling.combine(before, t[c], b.f32(1.0f))));
+  }
+  b.set(index, b.iadd(i, b.i32(1)));
+  b.endLoop();
+  Texel out;
+  for (int c = 0; c < 4; ++c) out[c] = average ? b.fdiv(b.get(sum[c]), b.convert(Op::SToF, Type::F32, f.count)) : b.get(sum[c]);
+  return out;
+}
+
+}  // namespace
+
 Texel sampleImage(ImageBuild& s, const char** error) {
   Builder& b = s.b;
   const SamplerKey& k = s.sampler.key;
   if (!k.present) return {s.zero(), s.zero(), s.zero(), s.zero()};
-  if (k.reduction != VK_SAMPLER_REDUCTION_MODE_WEIGHTED_AVERAGE) {
-    *error = "sampler reduction modes are not supported yet";
-    return {};
-  }
   if (k.magFilter > VK_FILTER_LINEAR || k.minFilter > VK_FILTER_LINEAR) {
     *error = "cubic filters are not supported";
     return {};
   }
   const bool integer = s.integer();
+  // An explicit level of detail has no footprint.
+  const bool anisotropic = k.anisotropy && !k.unnormalized && !integer && s.dimensions == 2 && !s.in.lod && (s.in.ddx[0] || s.op.implicitLod);
   // With both limits 0 the level of detail is always 0: magnification of the base level.
   const bool fixedLod = k.zeroLod || k.unnormalized;
   const bool mag = k.magFilter == VK_FILTER_LINEAR && !integer;
@@ -324,38 +453,13 @@ Texel sampleImage(ImageBuild& s, const char** error) {
   if (s.in.minLod) s.in.minLod = asF32(b, s.in.minLod);
   // Without an explicit level and without derivatives (outside fragment shaders) the base level is meant.
   if (needLod && !s.in.lod && !s.in.ddx[0] && !s.op.implicitLod) s.in.lod = b.f32(0.0f);
-  Point p = makePoint(s, needLod && !s.in.lod, ddx, ddy);
-  if (!needLod) return Filter(s, mag, 0).sample(p, levelView(s, 0));
-
-  LevelOfDetail lod = levelOfDetail(s, ddx, ddy);
-  Value magnified = b.fle(lod.clamped, b.f32(0.0f));
-  Value linearMask = mag == min ? 0 : mag ? magnified : b.maskNot(magnified);
-  Filter filter(s, mag || min, linearMask);
-  if (oneLevel) return filter.sample(p, levelView(s, 0));
-
-  Value last = lastLevel(s);
-  if (k.mipmapMode == VK_SAMPLER_MIPMAP_MODE_NEAREST || integer) return filter.sample(p, levelView(s, nearestLevel(b, lod.clamped, last)));
-
-  Value lambda = b.fmax(b.fmin(lod.clamped, b.convert(Op::SToF, Type::F32, last)), b.f32(0.0f));
-  Value floor = b.ffloor(lambda);
-  Value weight = b.fsub(lambda, floor);
-  Value fine = b.convert(Op::FToS, Type::I32, floor);
-  Texel t = filter.sample(p, levelView(s, fine));
-  // The coarser level only where it has a share.
-  Value result[4];
-  for (int c = 0; c < 4; ++c) {
-    if (b.isConstant(t[c])) continue;
-    result[c] = b.var(Type::F32);
-    b.set(result[c], t[c]);
-  }
-  b.beginIf(b.flt(b.f32(0.0f), weight));
-  Texel coarse = filter.sample(p, levelView(s, b.smin(b.iadd(fine, b.i32(1)), last)));
-  for (int c = 0; c < 4; ++c)
-    if (!b.isConstant(t[c])) b.set(result[c], b.fma(weight, b.fsub(coarse[c], t[c]), t[c]));
-  b.endIf();
-  for (int c = 0; c < 4; ++c)
-    if (!b.isConstant(t[c])) t[c] = b.get(result[c]);
-  return t;
+  Point p = makePoint(s, anisotropic || (needLod && !s.in.lod), ddx, ddy);
+  Footprint f;
+  if (anisotropic) f = footprint(s, ddx, ddy);
+  LevelOfDetail lod;
+  if (needLod) lod = levelOfDetail(s, ddx, ddy, f.minor);
+  Sampling sampling(s, oneLevel, mag, min, needLod ? &lod : nullptr);
+  return anisotropic ? sampleAlong(s, sampling, p, f) : sampling.sample(p);
 }
 
 Texel gatherImage(ImageBuild& s, const char** error) {
@@ -381,7 +485,8 @@ std::vector<Value> queryLod(ImageBuild& s) {
   if (!s.sampler.key.present) return {b.f32(0.0f), b.f32(0.0f)};
   Value ddx[3] = {}, ddy[3] = {};
   makePoint(s, true, ddx, ddy);
-  LevelOfDetail lod = levelOfDetail(s, ddx, ddy);
+  const bool anisotropic = s.sampler.key.anisotropy && s.dimensions == 2;
+  LevelOfDetail lod = levelOfDetail(s, ddx, ddy, anisotropic ? footprint(s, ddx, ddy).minor : 0);
   Value last = lastLevel(s);
   Value level = b.fmax(b.fmin(lod.clamped, b.convert(Op::SToF, Type::F32, last)), b.f32(0.0f));
   if (s.sampler.key.mipmapMode == VK_SAMPLER_MIPMAP_MODE_NEAREST) level = b.convert(Op::SToF, Type::F32, nearestLevel(b, level, last));

@@ -40,7 +40,17 @@ struct LevelOfDetail {
   ir::Value unclamped = 0;
   ir::Value clamped = 0;
 };
-LevelOfDetail levelOfDetail(ImageBuild& s, const ir::Value (&ddx)[3], const ir::Value (&ddy)[3]);
+//! `minor`: of an anisotropic footprint; none: from the derivatives' lengths.
+LevelOfDetail levelOfDetail(ImageBuild& s, const ir::Value (&ddx)[3], const ir::Value (&ddy)[3], ir::Value minor = 0);
+
+//! The footprint of a pixel as an ellipse (spec, "Scale Factor Operation, Level-of-Detail Operation and Image Level(s) Selection";
+//! its axes are the singular vectors of the derivatives, so that the footprint does not depend on how the screen's axes lie).
+struct Footprint {
+  ir::Value count = 0;     //!< i32: samples along the major axis, 1 to maxAnisotropy
+  ir::Value axis[2] = {};  //!< the major axis in normalised coordinates, its whole length
+  ir::Value minor = 0;     //!< f32: what the level of detail is the logarithm of: the minor axis, or the major one / maxAnisotropy, in texels
+};
+Footprint footprint(ImageBuild& s, const ir::Value (&ddx)[3], const ir::Value (&ddy)[3]);
 
 //! Face coordinates of a cube direction (spec, "Cube Map Face Selection and Transformations").
 struct CubeFace {
@@ -55,6 +65,11 @@ Texel sampleImage(ImageBuild& s, const char** error);
 Texel gatherImage(ImageBuild& s, const char** error);
 //! The level of detail query: levels accessed, unclamped level of detail.
 std::vector<ir::Value> queryLod(ImageBuild& s);
+
+//! Offset (i32) in a slice of the element that holds texel x, y: the texel itself, or its block.
+ir::Value texelOffset(ImageBuild& s, const SliceAddress& slice, const ir::Value (&at)[3]);
+//! The texel there; compressed ones are decoded.
+Texel loadTexelAt(ImageBuild& s, const SliceAddress& slice, const ir::Value (&at)[3], bool constant);
 
 //! Applies a view's component swizzle.
 Texel swizzle(ir::Builder& b, const ViewKey& key, bool integer, const Texel& t);

@@ -48,7 +48,35 @@ CubeFace cubeFace(Builder& b, const Value (&r)[3], const Value* ddx, const Value
   return out;
 }
 
-LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&ddy)[3]) {
+Footprint footprint(ImageBuild& s, const Value (&ddx)[3], const Value (&ddy)[3]) {
+  Builder& b = s.b;
+  Value size[2];
+  for (unsigned i = 0; i < 2; ++i) size[i] = b.convert(Op::UToF, ir::Type::F32, s.extent(i, 0));
+  Value ux = b.fmul(ddx[0], size[0]), vx = b.fmul(ddx[1], size[1]), uy = b.fmul(ddy[0], size[0]), vy = b.fmul(ddy[1], size[1]);
+  // The larger eigenvalue of [a c; c d] = J J^T is the squared major axis; the determinant gives the minor one without cancellation.
+  Value a = b.fma(ux, ux, b.fmul(uy, uy)), d = b.fma(vx, vx, b.fmul(vy, vy)), c = b.fma(ux, vx, b.fmul(uy, vy));
+  Value half = b.f32(0.5f);
+  Value mean = b.fmul(b.fadd(a, d), half), difference = b.fmul(b.fsub(a, d), half);
+  Value square = b.fadd(mean, b.fsqrt(b.fma(difference, difference, b.fmul(c, c))));
+  Value major = b.fsqrt(square);
+  Value least = b.fdiv(b.fabs(b.fsub(b.fmul(ux, vy), b.fmul(uy, vx))), major);
+  Value limit = b.tableLoad(ir::Type::F32, s.sampler.table, s.sampler.constOffset + uint32_t(offsetof(SamplerDescriptor, maxAnisotropy)), s.sampler.dynamicOffset);
+  Footprint out;
+  out.minor = b.fmax(least, b.fdiv(major, limit));
+  // More than one sample a texel would find nothing new.
+  Value count = b.fmin(b.fmin(b.fdiv(major, least), limit), b.fmax(major, b.f32(1.0f)));
+  out.count = b.smax(b.convert(Op::FToS, ir::Type::I32, b.unary(Op::FCeil, b.fsub(count, b.f32(1.0f / 64)))), b.i32(1));
+  // The eigenvector, from the row that is longer.
+  Value wide = b.fle(d, a);
+  Value x = b.select(wide, b.fsub(square, d), c), y = b.select(wide, c, b.fsub(square, a));
+  Value length = b.fsqrt(b.fma(x, x, b.fmul(y, y)));
+  Value scale = b.select(b.flt(b.f32(0.0f), length), b.fdiv(major, length), b.f32(0.0f));
+  out.axis[0] = b.fdiv(b.fmul(x, scale), size[0]);
+  out.axis[1] = b.fdiv(b.fmul(y, scale), size[1]);
+  return out;
+}
+
+LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&ddy)[3], Value minor) {
   Builder& b = s.b;
   SamplerRef ref = s.sampler;
   auto samplerField = [&](size_t offset) { return b.tableLoad(ir::Type::F32, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); };
@@ -56,6 +84,8 @@ LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&
   Value lambda;
   if (s.in.lod) {
     lambda = s.in.lod;
+  } else if (minor) {
+    lambda = b.unary(Op::FLog2, minor);
   } else {
     auto squaredLength = [&](const Value (&d)[3]) {
       Value sum = 0;

@@ -220,6 +220,7 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queueInfo;
+  info.pEnabledFeatures = &features;  // everything that the device has
   check(vkCreateDevice(physical, &info, nullptr, &handle), "vkCreateDevice");
   vkGetDeviceQueue(handle, family, 0, &queue);
 }

@@ -46,6 +46,7 @@ struct Binding {
   VkDescriptorType type;
   VkDescriptorBufferInfo buffer{};
   VkDescriptorImageInfo image{};
+  VkBufferView texels = VK_NULL_HANDLE;
 };
 
 struct DescriptorSet {

@@ -1,0 +1,166 @@
+// Questions to a driver's texture unit: a compute shader asks, storage buffers carry exact answers.
+#pragma once
+
+#include "cts_subset/tests/devices.h"
+
+#include <glm/glm.hpp>
+
+
+namespace pumice::cts {
+
+template <typename T>
+T structure(VkStructureType type) {
+  T s{};
+  s.sType = type;
+  return s;
+}
+
+struct ViewSpec {
+  VkImageViewType type = VK_IMAGE_VIEW_TYPE_2D;
+  VkFormat format = VK_FORMAT_UNDEFINED;  // the image's
+  VkImageAspectFlags aspect = 0;          // all of the image's
+  uint32_t mip = 0, mips = VK_REMAINING_MIP_LEVELS;
+  uint32_t layer = 0, layers = VK_REMAINING_ARRAY_LAYERS;
+  VkImageUsageFlags usage = 0;            // 0: the image's
+};
+
+inline VkImageView makeView(Workspace& work, const Image& image, const ViewSpec& spec) {
+  VkImageViewUsageCreateInfo usage{VK_STRUCTURE_TYPE_IMAGE_VIEW_USAGE_CREATE_INFO, nullptr, spec.usage};
+  VkImageViewCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
+  if (spec.usage) info.pNext = &usage;
+  info.image = image.handle;
+  info.viewType = spec.type;
+  info.format = spec.format ? spec.format : image.spec.format;
+  info.subresourceRange = {spec.aspect ? spec.aspect : image.aspects, spec.mip, spec.mips, spec.layer, spec.layers};
+  VkImageView made = VK_NULL_HANDLE;
+  check(vkCreateImageView(work.device.handle, &info, nullptr, &made), "vkCreateImageView");
+  work.onDestroy([d = work.device.handle, made] { vkDestroyImageView(d, made, nullptr); });
+  return made;
+}
+
+inline VkSamplerCreateInfo samplerInfo(VkFilter filter = VK_FILTER_NEAREST,
+                                       VkSamplerAddressMode mode = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE,
+                                       VkSamplerMipmapMode mipmaps = VK_SAMPLER_MIPMAP_MODE_NEAREST) {
+  VkSamplerCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_SAMPLER_CREATE_INFO;
+  info.magFilter = info.minFilter = filter;
+  info.mipmapMode = mipmaps;
+  info.addressModeU = info.addressModeV = info.addressModeW = mode;
+  info.maxAnisotropy = 1;
+  info.maxLod = VK_LOD_CLAMP_NONE;
+  return info;
+}
+
+inline VkSampler makeSampler(Workspace& work, const VkSamplerCreateInfo& info) {
+  VkSampler made = VK_NULL_HANDLE;
+  check(vkCreateSampler(work.device.handle, &info, nullptr, &made), "vkCreateSampler");
+  work.onDestroy([d = work.device.handle, made] { vkDestroySampler(d, made, nullptr); });
+  return made;
+}
+
+inline Binding sampledBinding(VkImageView view, VkSampler sampler, VkImageLayout layout = VK_IMAGE_LAYOUT_GENERAL) {
+  Binding b{VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER};
+  b.image = {sampler, view, layout};
+  return b;
+}
+inline Binding storageBinding(VkImageView view) {
+  Binding b{VK_DESCRIPTOR_TYPE_STORAGE_IMAGE};
+  b.image = {VK_NULL_HANDLE, view, VK_IMAGE_LAYOUT_GENERAL};
+  return b;
+}
+
+// Runs `body` once for each question. In it: `vec4 q[]` are the questions (`perQuestion` vec4 each, `vec4 ask(int k)`),
+// and it must set `vec4 answer` (or `uvec4 bits`, where `asBits`). `declarations` come before: bindings 2 and up are `bindings`.
+inline std::vector<glm::vec4> probe(Workspace& work, const std::string& declarations, const std::string& body,
+                                    const std::vector<Binding>& bindings, const std::vector<glm::vec4>& questions,
+                                    uint32_t perQuestion = 1) {
+  const uint32_t count = uint32_t(questions.size()) / perQuestion;
+  Buffer in = work.bufferOf(questions, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  Buffer out = work.buffer(VkDeviceSize(count) * 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  std::vector<Binding> all(2, Binding{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER});
+  all[0].buffer = {in.handle, 0, VK_WHOLE_SIZE};
+  all[1].buffer = {out.handle, 0, VK_WHOLE_SIZE};
+  all.insert(all.end(), bindings.begin(), bindings.end());
+
+  VkDevice d = work.device.handle;
+  VkShaderModule module = work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 450
+#extension GL_EXT_shader_image_load_formatted : enable
+#extension GL_EXT_texture_shadow_lod : enable
+#extension GL_EXT_samplerless_texture_functions : enable
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, std430) readonly buffer In { vec4 q[]; };
+layout(set = 0, binding = 1, std430) writeonly buffer Out { vec4 a[]; };
+layout(push_constant) uniform Push { uint count; };
+)" + declarations + "\nvec4 ask(int k) { return q[gl_GlobalInvocationID.x * " +
+                                                                     std::to_string(perQuestion) + R"( + k]; }
+void main() {
+  if (gl_GlobalInvocationID.x >= count) return;
+  vec4 answer = vec4(0);
+)" + body + "\n  a[gl_GlobalInvocationID.x] = answer;\n}\n");
+
+  std::vector<VkDescriptorSetLayoutBinding> layout;
+  std::vector<VkDescriptorPoolSize> sizes;
+  for (uint32_t i = 0; i < all.size(); ++i) {
+    layout.push_back({i, all[i].type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
+    sizes.push_back({all[i].type, 1});
+  }
+  auto setInfo = structure<VkDescriptorSetLayoutCreateInfo>(VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO);
+  setInfo.bindingCount = uint32_t(layout.size());
+  setInfo.pBindings = layout.data();
+  VkDescriptorSetLayout setLayout = VK_NULL_HANDLE;
+  check(vkCreateDescriptorSetLayout(d, &setInfo, nullptr, &setLayout), "vkCreateDescriptorSetLayout");
+  work.onDestroy([d, setLayout] { vkDestroyDescriptorSetLayout(d, setLayout, nullptr); });
+  auto poolInfo = structure<VkDescriptorPoolCreateInfo>(VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO);
+  poolInfo.maxSets = 1;
+  poolInfo.poolSizeCount = uint32_t(sizes.size());
+  poolInfo.pPoolSizes = sizes.data();
+  VkDescriptorPool pool = VK_NULL_HANDLE;
+  check(vkCreateDescriptorPool(d, &poolInfo, nullptr, &pool), "vkCreateDescriptorPool");
+  work.onDestroy([d, pool] { vkDestroyDescriptorPool(d, pool, nullptr); });
+  VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1, &setLayout};
+  VkDescriptorSet set = VK_NULL_HANDLE;
+  check(vkAllocateDescriptorSets(d, &allocate, &set), "vkAllocateDescriptorSets");
+  for (uint32_t i = 0; i < all.size(); ++i) {
+    auto write = structure<VkWriteDescriptorSet>(VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET);
+    write.dstSet = set;
+    write.dstBinding = i;
+    write.descriptorCount = 1;
+    write.descriptorType = all[i].type;
+    write.pBufferInfo = &all[i].buffer;
+    write.pImageInfo = &all[i].image;
+    write.pTexelBufferView = &all[i].texels;
+    vkUpdateDescriptorSets(d, 1, &write, 0, nullptr);
+  }
+  VkPushConstantRange push{VK_SHADER_STAGE_COMPUTE_BIT, 0, 4};
+  auto layoutInfo = structure<VkPipelineLayoutCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO);
+  layoutInfo.setLayoutCount = 1;
+  layoutInfo.pSetLayouts = &setLayout;
+  layoutInfo.pushConstantRangeCount = 1;
+  layoutInfo.pPushConstantRanges = &push;
+  VkPipelineLayout pipelineLayout = VK_NULL_HANDLE;
+  check(vkCreatePipelineLayout(d, &layoutInfo, nullptr, &pipelineLayout), "vkCreatePipelineLayout");
+  work.onDestroy([d, pipelineLayout] { vkDestroyPipelineLayout(d, pipelineLayout, nullptr); });
+  auto info = structure<VkComputePipelineCreateInfo>(VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO);
+  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+  info.stage.module = module;
+  info.stage.pName = "main";
+  info.layout = pipelineLayout;
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vkCreateComputePipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateComputePipelines");
+  work.onDestroy([d, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
+  work.device.run([&](VkCommandBuffer commands) {
+    fullBarrier(commands);
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelineLayout, 0, 1, &set, 0, nullptr);
+    vkCmdPushConstants(commands, pipelineLayout, VK_SHADER_STAGE_COMPUTE_BIT, 0, 4, &count);
+    vkCmdDispatch(commands, (count + 63) / 64, 1, 1);
+    fullBarrier(commands);
+  });
+  std::vector<glm::vec4> answers(count);
+  std::memcpy(answers.data(), out.mapped, size_t(count) * 16);
+  return answers;
+}
+
+}  // namespace pumice::cts
