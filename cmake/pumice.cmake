@@ -1,30 +1,5 @@
 # The few functions from which every folder's CMakeLists.txt is made.
 
-# pumice_add_folder(<folder>): add_subdirectory, if the folder has a CMakeLists.txt.
-function(pumice_add_folder folder)
-  if(EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${folder}/CMakeLists.txt")
-    add_subdirectory(${folder})
-  endif()
-endfunction()
-
-# Leaves only the files that exist in the list <variable>, with a warning: a half-written tree configures.
-function(pumice_existing_sources variable)
-  set(existing "")
-  foreach(source IN LISTS ${variable})
-    if(IS_ABSOLUTE "${source}" OR EXISTS "${CMAKE_CURRENT_SOURCE_DIR}/${source}")
-      list(APPEND existing "${source}")
-    else()
-      message(WARNING "${CMAKE_CURRENT_SOURCE_DIR}/${source} does not exist")
-      set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS "${CMAKE_CURRENT_SOURCE_DIR}/${source}")
-    endif()
-  endforeach()
-  if(NOT existing)
-    file(TOUCH "${PROJECT_BINARY_DIR}/empty.cpp")
-    set(existing "${PROJECT_BINARY_DIR}/empty.cpp")
-  endif()
-  set(${variable} "${existing}" PARENT_SCOPE)
-endfunction()
-
 # pumice_room(<name> [UNITY] SOURCES <files...> [LIBS <targets...>])
 #
 # A static, position independent library pumice_<name>. Includes are relative to the repository root.
@@ -35,7 +10,6 @@ function(pumice_room name)
   if(ARG_UNPARSED_ARGUMENTS)
     message(FATAL_ERROR "pumice_room(${name}): unknown arguments ${ARG_UNPARSED_ARGUMENTS}")
   endif()
-  pumice_existing_sources(ARG_SOURCES)
   set(target pumice_${name})
   add_library(${target} STATIC ${ARG_SOURCES})
   target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}")
@@ -58,7 +32,6 @@ function(pumice_test name)
   if(ARG_UNPARSED_ARGUMENTS)
     message(FATAL_ERROR "pumice_test(${name}): unknown arguments ${ARG_UNPARSED_ARGUMENTS}")
   endif()
-  pumice_existing_sources(ARG_SOURCES)
   set(target test_${name})
   add_executable(${target} ${ARG_SOURCES})
   target_include_directories(${target} PRIVATE "${PROJECT_SOURCE_DIR}")

@@ -238,7 +238,9 @@ TEST_P(X11, DestroyedWindowIsALostSurfaceAndNothingWorse) {
     int frames = 0;
     for (; frames < 10 && result == VK_SUCCESS; frames++) result = chain.show(7);
     EXPECT_EQ(result, VK_ERROR_SURFACE_LOST_KHR);
-    EXPECT_LE(frames, 4);
+    // The answer to the first frame is read with the third, and the application is ahead of what is shown by
+    // as many frames as there are images.
+    EXPECT_LE(frames, 3 + int(chain.images.size()));
     uint32_t index;
     EXPECT_EQ(chain.acquire(0, index), VK_ERROR_SURFACE_LOST_KHR);
     VkSurfaceCapabilitiesKHR c;
