@@ -468,9 +468,7 @@ void onInterpolateAt(const Ext& e) {
     operands = {e.t.toI32(e.scalar(1))};
   else
     operands = e.data(1);
-  Values out;
-  for (uint32_t i = 0; i < e.t.type(p.type).scalars; i++) out.push_back(e.t.interpolateAt(p, i, where, operands));
-  e.define(std::move(out));
+  e.define(e.t.interpolateAt(p, where, operands));
 }
 
 constexpr uint32_t a(Op op) { return uint32_t(op); }

@@ -186,26 +186,45 @@ void Translator::flushOutputs() {
   }
 }
 
-Value Translator::interpolateAt(const Pointer& p, uint32_t scalarIndex, SampleLocation sampling,
-                                std::span<const Value> operands) {
-  if (!p.variable || p.variable->storage != spv::StorageClass::Input || p.home != Home::Values)
-    fail("InterpolateAt of something other than an input with constant indices");
-  const IoLeaf& leaf = io_[p.variable].at(p.offset + scalarIndex);
-  if (leaf.builtIn != ~0u) fail("InterpolateAt of a built-in");
-  // The interpolant at another place is another input with the same location.
-  uint32_t number = leaf.variable;
-  if (sampling != shader.inputs[number].sampling) {
-    uint64_t key = uint64_t(number) << 8 | uint64_t(sampling);
-    auto [at, isNew] = interpolatedInputs_.try_emplace(key, uint32_t(shader.inputs.size()));
-    number = at->second;
-    if (isNew) {
-      InterfaceVariable copy = shader.inputs[leaf.variable];
-      copy.sampling = sampling;
-      shader.inputs.push_back(copy);
+std::vector<Value> Translator::interpolateAt(const Pointer& p, SampleLocation sampling,
+                                            std::span<const Value> operands) {
+  if (!p.variable || p.variable->storage != spv::StorageClass::Input ||
+      (p.home != Home::Values && p.home != Home::Local))
+    fail("InterpolateAt of something other than an input");
+  const std::vector<IoLeaf>& leaves = io_[p.variable];
+  auto at = [&](size_t scalar) {
+    const IoLeaf& leaf = leaves.at(scalar);
+    if (leaf.builtIn != ~0u) fail("InterpolateAt of a built-in");
+    // The interpolant at another place is another input with the same location.
+    uint32_t number = leaf.variable;
+    if (sampling != shader.inputs[number].sampling) {
+      uint64_t key = uint64_t(number) << 8 | uint64_t(sampling);
+      auto [known, isNew] = interpolatedInputs_.try_emplace(key, uint32_t(shader.inputs.size()));
+      number = known->second;
+      if (isNew) {
+        InterfaceVariable copy = shader.inputs[leaf.variable];
+        copy.sampling = sampling;
+        shader.inputs.push_back(copy);
+      }
     }
+    return b.emit(Op::ShaderInput, p.variable->types.at(scalar), operands, uint64_t(number) << 32 | leaf.component);
+  };
+  std::vector<Value> values;
+  if (p.home == Home::Values) {
+    for (uint32_t i = 0; i < type(p.type).scalars; i++) values.push_back(at(p.offset + i));
+    return values;
   }
-  return b.emit(Op::ShaderInput, p.variable->types.at(p.offset + scalarIndex), operands,
-                uint64_t(number) << 32 | leaf.component);
+  // Indexed dynamically: all of the variable at that place, in memory of its own.
+  for (size_t i = 0; i < leaves.size(); i++) values.push_back(at(i));
+  Variable& moved = variables.emplace_back();
+  moved.type = p.variable->type;
+  moved.storage = spv::StorageClass::Function;
+  moved.types = p.variable->types;
+  declareLocal(moved);
+  store(pointerTo(moved), values);
+  Pointer element = p;
+  element.variable = &moved;
+  return load(element);
 }
 
 std::pair<bool, bool> Translator::onMembers(uint32_t structType, spv::Decoration kind) {

@@ -221,7 +221,8 @@ class Translator {
   uint32_t resourceOf(Variable& variable);
   //! Whether any member, and every member, of a structure has a decoration.
   std::pair<bool, bool> onMembers(uint32_t structType, spv::Decoration kind);
-  Value interpolateAt(const Pointer& pointer, uint32_t scalarIndex, SampleLocation sampling, std::span<const Value> operands);
+  //! What the pointer leads to within an input, interpolated at another place.
+  std::vector<Value> interpolateAt(const Pointer& pointer, SampleLocation sampling, std::span<const Value> operands);
 
   // --- memory (pointers.cpp, memory.cpp)
   void findDynamicVariables();

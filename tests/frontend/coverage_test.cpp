@@ -238,6 +238,23 @@ void main() {
   EXPECT_EQ(indices.size(), 2u);
 }
 
+TEST(Coverage, InterpolationOfADynamicallyIndexedInput) {
+  auto shader = translated(GlslStage::Fragment, R"(
+layout(location=0) in vec2 c[3];
+layout(location=4) flat in int which;
+layout(location=0) out vec4 r;
+void main() { r = vec4(interpolateAtOffset(c[which], vec2(0.25)), interpolateAtCentroid(c[which])); })");
+  ASSERT_TRUE(shader);
+  size_t atOffset = 0, centroid = 0;
+  for (ir::Value v = 1; v < shader->function.insts.size(); v++) {
+    if (shader->function.insts[v].op != ir::Op::ShaderInput) continue;
+    atOffset += shader->function.operands(v).size() == 2;
+    centroid += shader->inputs[shader->function.insts[v].imm >> 32].sampling == SampleLocation::Centroid;
+  }
+  EXPECT_EQ(atOffset, 6u) << "every element";
+  EXPECT_EQ(centroid, 6u);
+}
+
 TEST(Coverage, ReadOnlyBuffersAreConstantOnlyWithoutWrites) {
   auto reads = translated(GlslStage::Vertex, R"(
 layout(std430, binding=0) readonly buffer A { vec4 v[]; } a;
