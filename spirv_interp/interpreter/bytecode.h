@@ -109,5 +109,7 @@ void addSubgroupKernels(KernelTable& table);
 
 //! For tests: compiles for one instruction set.
 Result<std::unique_ptr<Executable>> compileInterpreterFor(const ir::Function& f, const CompileOptions& options, const Target& target);
+//! For tests: with kernels of one's own choice.
+Result<std::unique_ptr<Executable>> compileInterpreterWith(const ir::Function& f, const CompileOptions& options, const KernelTable& kernels);
 
 }  // namespace pumice::interp

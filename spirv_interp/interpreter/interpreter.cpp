@@ -136,14 +136,18 @@ class Interpreted final : public Executable {
 
 }  // namespace
 
-Result<std::unique_ptr<Executable>> compileInterpreterFor(const ir::Function& source, const CompileOptions& options, const Target& target) {
+Result<std::unique_ptr<Executable>> compileInterpreterWith(const ir::Function& source, const CompileOptions& options, const KernelTable& kernels) {
   ir::Function f = source;
   ir::lowerMath(f, options.numerics);
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   ir::computeRates(f);
-  Result<Program> program = lower(f, kernelTable(target));
+  Result<Program> program = lower(f, kernels);
   if (!program) return std::move(program).error();
   return std::unique_ptr<Executable>(std::make_unique<Interpreted>(std::move(program).value()));
+}
+
+Result<std::unique_ptr<Executable>> compileInterpreterFor(const ir::Function& f, const CompileOptions& options, const Target& target) {
+  return compileInterpreterWith(f, options, kernelTable(target));
 }
 
 Result<std::unique_ptr<Executable>> compileInterpreter(const ir::Function& f, const CompileOptions& options) {

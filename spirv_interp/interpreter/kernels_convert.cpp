@@ -191,9 +191,9 @@ using ir::Op, ir::Type;
 
 template <class F>
 void addFloatPairs(KernelTable& t, Type from) {
-  t.cvt(Op::FToF, from, Type::F16) = convert<Float, Half, F>;
-  t.cvt(Op::FToF, from, Type::F32) = convert<Float, float, F>;
-  t.cvt(Op::FToF, from, Type::F64) = convert<Float, double, F>;
+  if constexpr (!std::is_same_v<F, Half>) t.cvt(Op::FToF, from, Type::F16) = convert<Float, Half, F>;
+  if constexpr (!std::is_same_v<F, float>) t.cvt(Op::FToF, from, Type::F32) = convert<Float, float, F>;
+  if constexpr (!std::is_same_v<F, double>) t.cvt(Op::FToF, from, Type::F64) = convert<Float, double, F>;
   t.cvt(Op::FToS, from, Type::I8) = convert<ToInt, int8_t, F>;
   t.cvt(Op::FToS, from, Type::I16) = convert<ToInt, int16_t, F>;
   t.cvt(Op::FToS, from, Type::I32) = convert<ToInt, int32_t, F>;

@@ -51,17 +51,6 @@ HWY_INLINE T srem(T a, T b) {
   if (b == T(-1)) return 0;
   return T(Signed<T>(a) % Signed<T>(b));
 }
-template <class T>
-HWY_INLINE T mulHi(T a, T b) {
-  if constexpr (sizeof(T) == 8) return T((unsigned __int128)(a) * b >> 64);
-  else return T(uint64_t(a) * b >> (8 * sizeof(T)));
-}
-template <class T>
-HWY_INLINE T smulHi(T a, T b) {
-  if constexpr (sizeof(T) == 8) return T(uint64_t((__int128)(Signed<T>(a)) * Signed<T>(b) >> 64));
-  else return T(int64_t(Signed<T>(a)) * int64_t(Signed<T>(b)) >> (8 * sizeof(T)));
-}
-
 #define FORMULA1(Name, expr)      \
   struct Name {                   \
     template <class T>            \
@@ -76,8 +65,8 @@ HWY_INLINE T smulHi(T a, T b) {
 FORMULA2(IAdd, a + b)
 FORMULA2(ISub, a - b)
 FORMULA2(IMul, Wide<T>(a) * Wide<T>(b))
-FORMULA2(SMulHi, smulHi(a, b))
-FORMULA2(UMulHi, mulHi(a, b))
+FORMULA2(SMulHi, int64_t(Signed<T>(a)) * int64_t(Signed<T>(b)) >> 32)
+FORMULA2(UMulHi, uint64_t(a) * b >> 32)
 FORMULA2(SDiv, sdiv(a, b))
 FORMULA2(UDiv, b ? T(a / b) : T(-1))
 FORMULA2(SRem, srem(a, b))
@@ -194,8 +183,11 @@ template <class T>
 void addType(KernelTable& t, ir::Type type) {
   using ir::Op;
 #define B(Name) addBinary<Name, T>(t, Op::Name, type);
-  B(IAdd) B(ISub) B(IMul) B(SMulHi) B(UMulHi) B(SDiv) B(UDiv) B(SRem) B(URem) B(And) B(Or) B(Xor)
+  B(IAdd) B(ISub) B(IMul) B(SDiv) B(UDiv) B(SRem) B(URem) B(And) B(Or) B(Xor)
   B(Shl) B(LShr) B(AShr) B(SMin) B(SMax) B(UMin) B(UMax)
+  if constexpr (sizeof(T) == 4) {
+    B(SMulHi) B(UMulHi)
+  }
 #undef B
 #define U(Name) t.at(Op::Name, type) = unary<Name, T>;
   U(Not) U(PopCount) U(BitReverse) U(FindMsb) U(FindLsb)

@@ -31,6 +31,7 @@ class Generator {
 
   Program make() {
     p_.function.name = "random";
+    favourite_ = r_.of(kData);
     declare();
     const bool returns = o_.controlFlow && r_.chance(25);
     if (returns) {   // a break out of this block is an early return
@@ -56,11 +57,8 @@ class Generator {
   bool accepts(Op op, Type t, Type operand) const { return allowed(t) && allowed(operand) && (!o_.accepts || o_.accepts(op, t, operand)); }
   bool accepts(Op op, Type t) const { return accepts(op, t, t); }
   Type dataType() {
-    if (r_.chance(55)) {
-      const Type t = r_.chance(50) && allowed(Type::F32) ? Type::F32 : Type::I32;
-      return t;
-    }
-    const Type t = r_.of(kData);
+    const uint32_t what = r_.below(100);
+    const Type t = what < 22 ? Type::F32 : what < 44 ? Type::I32 : what < 72 ? favourite_ : r_.of(kData);
     return allowed(t) ? t : Type::I32;
   }
 
@@ -80,7 +78,8 @@ class Generator {
   //! Some value of a type, often a young one.
   Value pick(Type t) {
     const std::vector<Value>& pool = pool_[unsigned(t)];
-    if (pool.empty() || r_.chance(7)) return constant(t);
+    if (pool.empty() || r_.chance(8)) return constant(t);
+    if (r_.chance(12) && uniforms_[unsigned(t)]) return uniforms_[unsigned(t)];
     size_t n = pool.size();
     if (r_.chance(65)) n = std::min<size_t>(n, 6);
     Value v = 0;
@@ -115,8 +114,10 @@ class Generator {
       p_.inputs.push_back(t);
       remember(b_.input(t, uint32_t(p_.inputs.size() - 1)));
     }
-    for (Type t : {Type::I32, Type::F32, Type::Mask, Type::I64, Type::F64, Type::F16})
-      if (accepts(Op::Var, t) && r_.chance(60)) variables_.push_back(b_.var(t));
+    for (Type t : kData)
+      if (accepts(Op::UniformInput, t)) uniforms_[unsigned(t)] = b_.uniform(t, kDrawData + 8 * r_.below(kDrawDataBytes / 8));
+    for (Type t : {Type::I32, Type::F32, Type::Mask, Type::I64, Type::F64, Type::F16, Type::I8, Type::I16})
+      if (accepts(Op::Var, t) && r_.chance(t == favourite_ ? 90 : 50)) variables_.push_back(b_.var(t));
     variables_.push_back(b_.var(Type::I32));
     for (Value v : variables_)   // those that stay zero tell little
       if (r_.chance(80) && accepts(Op::VarSet, b_.type(v))) b_.set(v, pick(b_.type(v)));
@@ -248,7 +249,8 @@ class Generator {
   void own() {
     const Type t = dataType();
     const unsigned bytes = ir::typeBytes(t);
-    const Buffer a = buffer(BufferId::Own);
+    Buffer a = buffer(BufferId::Own);
+    if (r_.chance(15)) a.size = b_.select(pick(Type::Mask), a.size, b_.i64(0));   // some lanes have nothing there
     const uint32_t column = ownColumn(bytes, kMaxInvocations);
     if (r_.chance(60)) {
       if (!accepts(Op::Store, t)) return;
@@ -289,7 +291,14 @@ class Generator {
     const unsigned bytes = ir::typeBytes(t);
     if (uniform_ && r_.chance(35) && accepts(Op::Barrier, Type::I32)) return barrier();
     if (readable_) {
-      if (accepts(Op::SharedLoad, t)) useShared(), emit(Op::SharedLoad, t, {offset(4096, bytes)}, r_.chance(50) ? kSharedTotals : r_.below(64));
+      if (!accepts(Op::SharedLoad, t)) return;
+      useShared();
+      if (r_.chance(40)) {
+        emit(Op::SharedLoad, t, {offset(4096, bytes)}, r_.chance(50) ? kSharedTotals : r_.below(64));
+      } else {   // another invocation's
+        const Value other = r_.chance(50) ? b_.xor_(local_, b_.i32(1u << r_.below(7))) : pick(Type::I32);
+        emit(Op::SharedLoad, t, {b_.imul(b_.and_(other, b_.i32(63)), b_.i32(bytes))}, ownColumn(bytes, kMaxGroupLanes));
+      }
       return;
     }
     const Value at = b_.imul(local_, b_.i32(bytes));
@@ -434,7 +443,10 @@ class Generator {
     body(length, depth);
     keepUnused(m, depth);
     if (uniform_ && readable_ != wasReadable) barrier();
-    if (!uniform_ && breakable_ && r_.chance(12)) b_.breakOut(r_.below(breakable_));
+    if (!uniform_ && breakable_ && r_.chance(12)) {
+      b_.breakOut(r_.below(breakable_));
+      if (r_.chance(50)) keep(pick(Type::I32), depth);   // nobody comes here
+    }
     forget(m);
     uniform_ = wasUniform;
   }
@@ -541,10 +553,12 @@ class Generator {
   Program p_;
   Builder b_;
   const std::vector<Op> plain_ = operations(false), high_ = operations(true);
+  Type favourite_ = Type::F32;
   Value global_ = 0, local_ = 0, locals_[2] = {};
   uint32_t localBytes_[2] = {};
   std::vector<Value> variables_;
   std::array<std::vector<Value>, kTypes> pool_;
+  std::array<Value, kTypes> uniforms_{};   // one of each type, the same for all invocations
   std::vector<uint8_t> seen_, used_;
   bool uniform_ = true;       // every invocation of the work group that takes part is here
   bool readable_ = false;     // work-group memory is read now, not written
