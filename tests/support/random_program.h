@@ -22,7 +22,7 @@
 namespace pumice::testing {
 
 struct ProgramOptions {
-  unsigned length = 48;      //!< of the body, in instructions; about 60 operations come of it
+  unsigned length = 40;      //!< of the body, in instructions; about 60 operations come of it
   bool highMath = true;      //!< fexp2, fsin, ...: lowered by the executor
   bool controlFlow = true;   //!< if, loop, block, break, switch
   bool memory = true;        //!< buffers, tables, local memory
@@ -33,7 +33,7 @@ struct ProgramOptions {
   uint32_t types = ~0u;      //!< bit per ir::Type that values may have (i32, i64 and masks always may)
   //! Restricts what is emitted to what an executor can run, if set: operation, its type (for stores, comparisons and
   //! conversions that of the last operand too).
-  std::function<bool(ir::Op, ir::Type type, ir::Type operand)> accepts;
+  std::function<bool(ir::Op, ir::Type type, ir::Type operand)> accepts = nullptr;
 };
 
 struct Program {
