@@ -134,6 +134,11 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBeginRendering(VkCommandBuffer buffer, const VkR
   } else {
     begin.depthStencil.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
   }
+  for (auto [info_, mode] : {std::pair{info->pDepthAttachment, &begin.depthResolve}, std::pair{info->pStencilAttachment, &begin.stencilResolve}})
+    if (const ImageView* resolve = info_ && info_->imageView && info_->resolveMode ? from(info_->resolveImageView) : nullptr) {
+      begin.depthStencilResolve = attachmentOf(*resolve);
+      *mode = info_->resolveMode;
+    }
   // A resumed scope continues what the suspended one stored.
   if (info->flags & VK_RENDERING_RESUMING_BIT) {
     for (auto& c : begin.color) c.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;

@@ -134,6 +134,10 @@ VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilOp(VkCommandBuffer buffer, VkStencilFa
   from(buffer)->captured = nullptr;
 }
 
+// Of features that are not there.
+VKAPI_ATTR void VKAPI_CALL vkCmdSetLogicOpEXT(VkCommandBuffer, VkLogicOp) {}
+VKAPI_ATTR void VKAPI_CALL vkCmdSetPatchControlPointsEXT(VkCommandBuffer, uint32_t) {}
+
 VKAPI_ATTR void VKAPI_CALL vkCmdSetViewportWithCount(VkCommandBuffer b, uint32_t count, const VkViewport* viewports) { vkCmdSetViewport(b, 0, count, viewports); }
 VKAPI_ATTR void VKAPI_CALL vkCmdSetScissorWithCount(VkCommandBuffer b, uint32_t count, const VkRect2D* scissors) { vkCmdSetScissor(b, 0, count, scissors); }
 

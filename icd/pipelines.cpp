@@ -1,6 +1,7 @@
 #include "icd/pipelines.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 
 #include "base/fpenv.h"
@@ -162,6 +163,15 @@ base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkCom
   return pipeline::createComputePipeline(from(info.layout)->layout, *shader);
 }
 
+// Fills VkPipelineCreationFeedbackCreateInfo of a pipeline. Stages have no times of their own: not valid.
+void giveFeedback(const void* chain, std::chrono::steady_clock::time_point start) {
+  auto* feedback = findInChain<VkPipelineCreationFeedbackCreateInfo>(chain, VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO);
+  if (!feedback) return;
+  auto spent = std::chrono::steady_clock::now() - start;
+  *feedback->pPipelineCreationFeedback = {VK_PIPELINE_CREATION_FEEDBACK_VALID_BIT, uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(spent).count())};
+  for (uint32_t i = 0; i < feedback->pipelineStageCreationFeedbackCount; i++) feedback->pPipelineStageCreationFeedbacks[i] = {};
+}
+
 template <typename Info, typename Make>
 VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, const VkAllocationCallbacks* callbacks, VkPipeline* out, const char* what, Make&& make) {
   base::ScopedFpEnv environment;   // constants are folded on the application's thread
@@ -171,8 +181,13 @@ VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, con
     out[i] = VK_NULL_HANDLE;
     if (stop) continue;
     VkResult one = VK_SUCCESS;
-    auto* object = from(handle)->make<Pipeline>(callbacks);
-    if (!object) {
+    auto start = std::chrono::steady_clock::now();
+    // Nothing is cached: every pipeline has to be compiled.
+    bool refused = infos[i].flags & VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
+    auto* object = refused ? nullptr : from(handle)->make<Pipeline>(callbacks);
+    if (refused) {
+      one = VK_PIPELINE_COMPILE_REQUIRED;
+    } else if (!object) {
       one = VK_ERROR_OUT_OF_HOST_MEMORY;
     } else {
       try {
@@ -185,13 +200,14 @@ VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, con
       } catch (const std::bad_alloc&) {
         one = VK_ERROR_OUT_OF_HOST_MEMORY;
       }
+      giveFeedback(infos[i].pNext, start);
       if (one == VK_SUCCESS)
         out[i] = to<VkPipeline>(object);
       else
         from(handle)->destroy(callbacks, object);
     }
     if (one != VK_SUCCESS) {
-      result = one;
+      if (result >= 0) result = one;   // an error says more than that compilation was not wanted
       stop = infos[i].flags & VK_PIPELINE_CREATE_EARLY_RETURN_ON_FAILURE_BIT;
     }
   }

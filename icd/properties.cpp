@@ -80,6 +80,9 @@ void initVulkan12(VkPhysicalDeviceVulkan12Properties& p, const VkPhysicalDeviceL
   p.maxDescriptorSetUpdateAfterBindSampledImages = l.maxDescriptorSetSampledImages;
   p.maxDescriptorSetUpdateAfterBindStorageImages = l.maxDescriptorSetStorageImages;
   p.maxDescriptorSetUpdateAfterBindInputAttachments = l.maxDescriptorSetInputAttachments;
+  p.supportedDepthResolveModes = VK_RESOLVE_MODE_SAMPLE_ZERO_BIT | VK_RESOLVE_MODE_AVERAGE_BIT | VK_RESOLVE_MODE_MIN_BIT | VK_RESOLVE_MODE_MAX_BIT;
+  p.supportedStencilResolveModes = VK_RESOLVE_MODE_SAMPLE_ZERO_BIT | VK_RESOLVE_MODE_MIN_BIT | VK_RESOLVE_MODE_MAX_BIT;
+  p.independentResolveNone = p.independentResolve = VK_TRUE;
   p.maxTimelineSemaphoreValueDifference = ~0ull;
   p.framebufferIntegerColorSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_R8G8B8A8_UINT));
 }
@@ -88,6 +91,11 @@ void initVulkan13(VkPhysicalDeviceVulkan13Properties& p, const VkPhysicalDeviceL
   p.minSubgroupSize = p.maxSubgroupSize = ir::kSubgroupLanes;
   p.maxComputeWorkgroupSubgroups = pipeline::kMaxGroupInvocations / ir::kSubgroupLanes;
   p.requiredSubgroupSizeStages = VK_SHADER_STAGE_COMPUTE_BIT;
+  // Bytes of a block and of all of a stage or a set; only host memory bounds them.
+  p.maxInlineUniformBlockSize = 64 << 10;
+  p.maxPerStageDescriptorInlineUniformBlocks = p.maxPerStageDescriptorUpdateAfterBindInlineUniformBlocks = kMany;
+  p.maxDescriptorSetInlineUniformBlocks = p.maxDescriptorSetUpdateAfterBindInlineUniformBlocks = kMany;
+  p.maxInlineUniformTotalSize = kMany;
   p.storageTexelBufferOffsetAlignmentBytes = p.uniformTexelBufferOffsetAlignmentBytes = l.minTexelBufferOffsetAlignment;
   p.storageTexelBufferOffsetSingleTexelAlignment = p.uniformTexelBufferOffsetSingleTexelAlignment = VK_TRUE;
   p.maxBufferSize = std::min(heapBytes, uint64_t(1) << 47);

@@ -29,7 +29,15 @@ void fill(RenderPass& pass, const Info& info) {
     out.resolves = numbers(s.pResolveAttachments, s.colorAttachmentCount);
     out.inputs = numbers(s.pInputAttachments, s.inputAttachmentCount);
     if (s.pDepthStencilAttachment) out.depthStencil = s.pDepthStencilAttachment->attachment;
-    if constexpr (requires { s.viewMask; }) out.viewMask = s.viewMask;
+    if constexpr (requires { s.viewMask; }) {
+      out.viewMask = s.viewMask;
+      auto* resolve = findInChain<VkSubpassDescriptionDepthStencilResolve>(s.pNext, VK_STRUCTURE_TYPE_SUBPASS_DESCRIPTION_DEPTH_STENCIL_RESOLVE);
+      if (resolve && resolve->pDepthStencilResolveAttachment) {
+        out.depthStencilResolve = resolve->pDepthStencilResolveAttachment->attachment;
+        out.depthResolve = resolve->depthResolveMode;
+        out.stencilResolve = resolve->stencilResolveMode;
+      }
+    }
     pass.subpasses.push_back(std::move(out));
   }
   if (auto* m = findInChain<VkRenderPassMultiviewCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_RENDER_PASS_MULTIVIEW_CREATE_INFO))
@@ -64,7 +72,7 @@ pipeline::Attachment attachmentOf(const ImageView& view) {
 
 bool Subpass::uses(uint32_t attachment) const {
   auto in = [&](const std::vector<uint32_t>& list) { return std::find(list.begin(), list.end(), attachment) != list.end(); };
-  return attachment == depthStencil || in(colors) || in(resolves) || in(inputs);
+  return attachment == depthStencil || attachment == depthStencilResolve || in(colors) || in(resolves) || in(inputs);
 }
 
 bool RenderPass::firstUse(uint32_t attachment, uint32_t subpass, uint32_t view) const {
@@ -80,6 +88,7 @@ void selectView(pipeline::PassBegin& begin, uint32_t view) {
   };
   for (uint32_t i = 0; i < begin.colorCount; i++) select(begin.color[i]), select(begin.resolve[i]);
   select(begin.depthStencil);
+  select(begin.depthStencilResolve);
   begin.layers = 1;
   begin.viewIndex = view;
 }
@@ -112,6 +121,9 @@ pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const 
     if (i < subpass.resolves.size()) begin.resolve[i] = attachment(subpass.resolves[i]);
   }
   begin.depthStencil = attachment(subpass.depthStencil);
+  begin.depthStencilResolve = attachment(subpass.depthStencilResolve);
+  begin.depthResolve = subpass.depthResolve;
+  begin.stencilResolve = subpass.stencilResolve;
   return begin;
 }
 

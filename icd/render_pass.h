@@ -18,7 +18,8 @@ struct AttachmentInfo {
 
 struct Subpass {
   std::vector<uint32_t> colors, resolves, inputs;   //!< VK_ATTACHMENT_UNUSED where absent; resolves is empty or as long as colors
-  uint32_t depthStencil = VK_ATTACHMENT_UNUSED;
+  uint32_t depthStencil = VK_ATTACHMENT_UNUSED, depthStencilResolve = VK_ATTACHMENT_UNUSED;
+  VkResolveModeFlagBits depthResolve = VK_RESOLVE_MODE_NONE, stencilResolve = VK_RESOLVE_MODE_NONE;
   uint32_t viewMask = 0;
   bool uses(uint32_t attachment) const;
 };

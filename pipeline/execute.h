@@ -56,6 +56,8 @@ struct PassBegin {
   Attachment resolve[kMaxColorAttachments];     //!< same index as color
   uint32_t colorCount = 0;
   Attachment depthStencil;
+  Attachment depthStencilResolve;
+  VkResolveModeFlagBits depthResolve = VK_RESOLVE_MODE_NONE, stencilResolve = VK_RESOLVE_MODE_NONE;
 };
 
 //! PUMICE_STATS counters of a pass.

@@ -154,6 +154,15 @@ void PassExecutor::Impl::resolve() {
     r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
     texture::resolveImage(pool, src.memory, dst.memory, r);
   }
+  const Attachment &src = pass.depthStencil, &dst = pass.depthStencilResolve;
+  if (!src.memory.layout || !dst.memory.layout || isEmpty(pass.renderArea)) return;
+  VkImageResolve r{};
+  r.srcSubresource = {0, src.level, src.baseLayer, pass.layers};
+  r.dstSubresource = {0, dst.level, dst.baseLayer, pass.layers};
+  r.srcOffset = r.dstOffset = {pass.renderArea.offset.x, pass.renderArea.offset.y, 0};
+  r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
+  texture::resolveDepthStencil(pool, src.memory, dst.memory, VK_IMAGE_ASPECT_DEPTH_BIT, pass.depthResolve, r);
+  texture::resolveDepthStencil(pool, src.memory, dst.memory, VK_IMAGE_ASPECT_STENCIL_BIT, pass.stencilResolve, r);
 }
 
 void PassExecutor::Impl::end() {

@@ -32,6 +32,9 @@ void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t leve
 void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageBlit& region, VkFilter filter);
 //! Multisample colour resolve: average, integer formats sample 0.
 void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region);
+//! The same for one aspect of a depth/stencil image, by any mode of the spec.
+void resolveDepthStencil(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, VkImageAspectFlagBits aspect, VkResolveModeFlagBits mode,
+                         const VkImageResolve& region);
 //! Converts tiled pixels of level 0, layer 0 to rows of `pitch` bytes of B8G8R8A8 for presentation.
 void presentRows(base::ThreadPool& pool, const ImageMemory& src, std::byte* rows, uint64_t pitch, VkExtent2D extent);
 

@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 #include <stdexcept>
+#include <tuple>
 
 namespace pumice::cts {
 namespace {
@@ -18,7 +19,7 @@ EShLanguage languageOf(VkShaderStageFlagBits stage) {
   throw std::runtime_error("compileGlsl: stage not known to the harness");
 }
 
-std::vector<uint32_t> compile(VkShaderStageFlagBits stage, const std::string& source) {
+std::vector<uint32_t> compile(VkShaderStageFlagBits stage, const std::string& source, ShaderTarget target) {
   static const bool kStarted = glslang::InitializeProcess();
   if (!kStarted) throw std::runtime_error("glslang does not start");
 
@@ -27,8 +28,9 @@ std::vector<uint32_t> compile(VkShaderStageFlagBits stage, const std::string& so
   const char* text = source.c_str();
   shader.setStrings(&text, 1);
   shader.setEnvInput(glslang::EShSourceGlsl, language, glslang::EShClientVulkan, 100);
-  shader.setEnvClient(glslang::EShClientVulkan, glslang::EShTargetVulkan_1_0);
-  shader.setEnvTarget(glslang::EShTargetSpv, glslang::EShTargetSpv_1_0);
+  bool newest = target == ShaderTarget::kVulkan13;
+  shader.setEnvClient(glslang::EShClientVulkan, newest ? glslang::EShTargetVulkan_1_3 : glslang::EShTargetVulkan_1_0);
+  shader.setEnvTarget(glslang::EShTargetSpv, newest ? glslang::EShTargetSpv_1_6 : glslang::EShTargetSpv_1_0);
   auto messages = static_cast<EShMessages>(EShMsgSpvRules | EShMsgVulkanRules);
   if (!shader.parse(GetDefaultResources(), 450, false, messages))
     throw std::runtime_error(std::string("glslang: ") + shader.getInfoLog() + "\n" + source);
@@ -44,13 +46,13 @@ std::vector<uint32_t> compile(VkShaderStageFlagBits stage, const std::string& so
 
 }  // namespace
 
-const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source) {
+const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source, ShaderTarget target) {
   static std::mutex lock;
-  static std::map<std::pair<int, std::string>, std::vector<uint32_t>> known;
+  static std::map<std::tuple<int, int, std::string>, std::vector<uint32_t>> known;
   std::lock_guard guard(lock);
-  auto key = std::make_pair(static_cast<int>(stage), source);
+  auto key = std::make_tuple(static_cast<int>(stage), static_cast<int>(target), source);
   auto found = known.find(key);
-  if (found == known.end()) found = known.emplace(key, compile(stage, source)).first;
+  if (found == known.end()) found = known.emplace(key, compile(stage, source, target)).first;
   return found->second;
 }
 

@@ -9,8 +9,11 @@
 
 namespace pumice::cts {
 
-// Compiles for Vulkan 1.0 / SPIR-V 1.0. Throws std::runtime_error with glslang's log.
+enum class ShaderTarget { kVulkan10, kVulkan13 };  // SPIR-V 1.0 and 1.6
+
+// Throws std::runtime_error with glslang's log.
 // The result is kept for the life of the process: both drivers get the very same words.
-const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source);
+const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source,
+                                         ShaderTarget target = ShaderTarget::kVulkan10);
 
 }  // namespace pumice::cts

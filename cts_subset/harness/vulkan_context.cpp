@@ -1,5 +1,6 @@
 #include "cts_subset/harness/vulkan_context.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -125,7 +126,7 @@ VulkanInstance::VulkanInstance(bool validation) {
   VkApplicationInfo app{};
   app.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
   app.pApplicationName = "pumice cts_subset";
-  app.apiVersion = VK_API_VERSION_1_1;
+  app.apiVersion = VK_API_VERSION_1_3;
 
   VkDebugUtilsMessengerCreateInfoEXT debug = messengerInfo(this);
   VkInstanceCreateInfo info{};
@@ -196,6 +197,20 @@ void VulkanInstance::addMessage(std::string text) {
   messages.push_back(std::move(text));
 }
 
+namespace {
+constexpr const char* kDeviceExtensions[] = {VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME};
+
+std::vector<std::string> availableExtensions(VkPhysicalDevice physical) {
+  uint32_t count = 0;
+  vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, nullptr);
+  std::vector<VkExtensionProperties> all(count);
+  vkEnumerateDeviceExtensionProperties(physical, nullptr, &count, all.data());
+  std::vector<std::string> names;
+  for (const auto& e : all) names.emplace_back(e.extensionName);
+  return names;
+}
+}  // namespace
+
 Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   vkGetPhysicalDeviceProperties(physical, &properties);
   vkGetPhysicalDeviceFeatures(physical, &features);
@@ -216,8 +231,30 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   queueInfo.queueFamilyIndex = family;
   queueInfo.queueCount = 1;
   queueInfo.pQueuePriorities = &priority;
+  VkPhysicalDeviceFeatures2 all{};
+  all.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
+  vulkan11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES;
+  vulkan12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
+  vulkan13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
+  if (properties.apiVersion >= VK_API_VERSION_1_2) {
+    all.pNext = &vulkan11;
+    vulkan11.pNext = &vulkan12;
+    if (properties.apiVersion >= VK_API_VERSION_1_3) vulkan12.pNext = &vulkan13;
+    vkGetPhysicalDeviceFeatures2(physical, &all);
+  }
+  all.features = features;
+  std::vector<const char*> names;
+  for (const std::string& available : availableExtensions(physical))
+    for (const char* wanted : kDeviceExtensions)
+      if (available == wanted) extensions.push_back(available), names.push_back(wanted);
   VkDeviceCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+  if (all.pNext)
+    info.pNext = &all;
+  else
+    info.pEnabledFeatures = &features;
+  info.enabledExtensionCount = uint32_t(names.size());
+  info.ppEnabledExtensionNames = names.data();
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queueInfo;
   info.pEnabledFeatures = &features;  // everything that the device has
@@ -228,6 +265,10 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
 Device::~Device() {
   vkDeviceWaitIdle(handle);
   vkDestroyDevice(handle, nullptr);
+}
+
+bool Device::has(const char* extension) const {
+  return std::find(extensions.begin(), extensions.end(), extension) != extensions.end();
 }
 
 bool Device::supports(VkFormat format, VkFormatFeatureFlags wanted) const {

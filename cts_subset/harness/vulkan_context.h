@@ -61,7 +61,8 @@ class VulkanInstance {
   std::vector<std::string> messages;
 };
 
-// A logical device with its one graphics queue.
+// A logical device with its one graphics queue, all features that the physical device has, and those extensions that
+// tests use (deviceExtensions in the .cpp file), if it has them.
 class Device {
  public:
   explicit Device(VkPhysicalDevice physical);
@@ -75,9 +76,15 @@ class Device {
   uint32_t family = 0;
   VkPhysicalDeviceProperties properties{};
   VkPhysicalDeviceFeatures features{};
+  // All false below version 1.2 or 1.3.
+  VkPhysicalDeviceVulkan11Features vulkan11{};
+  VkPhysicalDeviceVulkan12Features vulkan12{};
+  VkPhysicalDeviceVulkan13Features vulkan13{};
+  std::vector<std::string> extensions;  // enabled
   VkPhysicalDeviceMemoryProperties memory{};
 
   std::string name() const { return properties.deviceName; }
+  bool has(const char* extension) const;
   bool supports(VkFormat format, VkFormatFeatureFlags optimalFeatures) const;
   uint32_t memoryType(uint32_t allowed, VkMemoryPropertyFlags wanted) const;
 

@@ -1,7 +1,5 @@
 #include "cts_subset/harness/workspace.h"
 
-#include "cts_subset/harness/shader.h"
-
 namespace pumice::cts {
 
 VkImageAspectFlags aspectsOf(VkFormat format) {
@@ -119,8 +117,11 @@ VkSampler Workspace::sampler(VkFilter filter, VkSamplerAddressMode mode) {
   return made;
 }
 
-VkShaderModule Workspace::shader(VkShaderStageFlagBits stage, const std::string& glsl) {
-  const std::vector<uint32_t>& words = compileGlsl(stage, glsl);
+VkShaderModule Workspace::shader(VkShaderStageFlagBits stage, const std::string& glsl, ShaderTarget target) {
+  return shader(compileGlsl(stage, glsl, target));
+}
+
+VkShaderModule Workspace::shader(const std::vector<uint32_t>& words) {
   VkShaderModuleCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
   info.codeSize = words.size() * sizeof(uint32_t);

@@ -1,6 +1,7 @@
 // Vulkan objects with a common life: everything made by a Workspace goes when it goes.
 #pragma once
 
+#include "cts_subset/harness/shader.h"
 #include "cts_subset/harness/vulkan_context.h"
 
 #include <cstring>
@@ -71,7 +72,9 @@ class Workspace {
   Image image(const ImageSpec& spec);
   VkImageView view(const Image& image, VkImageAspectFlags aspects = 0);
   VkSampler sampler(VkFilter filter, VkSamplerAddressMode mode);
-  VkShaderModule shader(VkShaderStageFlagBits stage, const std::string& glsl);
+  VkShaderModule shader(VkShaderStageFlagBits stage, const std::string& glsl,
+                        ShaderTarget target = ShaderTarget::kVulkan10);
+  VkShaderModule shader(const std::vector<uint32_t>& words);
   // Bindings 0, 1, ... of one set, visible to vertex and fragment shaders.
   DescriptorSet descriptors(const std::vector<Binding>& bindings);
   // An RGBA8 image ready to be sampled.

@@ -141,8 +141,60 @@ TEST(Limits, AreAtLeastThoseRequired) {
   VK(vkGetPhysicalDeviceProperties2)(physical(), &p2);
   EXPECT_GE(m3.maxPerSetDescriptors, 1024u);
   EXPECT_GE(m3.maxMemoryAllocationSize, 1u << 30);
-  EXPECT_EQ(p2.properties.apiVersion >> 12, VK_API_VERSION_1_0 >> 12)
-      << "a test of 1.0: other versions require more";
+}
+
+// The limits that 1.1, 1.2 and 1.3 brought (same table).
+TEST(Limits, OfLaterVersionsAreAtLeastThoseRequired) {
+  VkPhysicalDeviceVulkan13Properties v13{};
+  v13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES;
+  VkPhysicalDeviceVulkan12Properties v12{};
+  v12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_PROPERTIES;
+  v12.pNext = &v13;
+  VkPhysicalDeviceVulkan11Properties v11{};
+  v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
+  v11.pNext = &v12;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
+  VK(vkGetPhysicalDeviceProperties2)(physical(), &p2);
+  const VkPhysicalDeviceLimits& l = p2.properties.limits;
+  EXPECT_EQ(p2.properties.apiVersion >> 12, VK_API_VERSION_1_3 >> 12) << "a test of 1.3";
+
+  EXPECT_GE(v11.subgroupSize, 1u);
+  EXPECT_TRUE(std::has_single_bit(v11.subgroupSize));
+  EXPECT_TRUE(v11.subgroupSupportedStages & VK_SHADER_STAGE_COMPUTE_BIT);
+  EXPECT_TRUE(v11.subgroupSupportedOperations & VK_SUBGROUP_FEATURE_BASIC_BIT);
+  EXPECT_GE(v11.maxMultiviewViewCount, 6u);
+  EXPECT_GE(v11.maxMultiviewInstanceIndex, (1u << 27) - 1);
+  EXPECT_EQ(v11.protectedNoFault, VK_FALSE);
+
+  EXPECT_STREQ(v12.driverName, "Pumice");
+  EXPECT_NE(std::string(v12.driverInfo), "");
+  EXPECT_EQ(v12.conformanceVersion.major, 0) << "not submitted";
+  for (uint32_t n : {v12.maxPerStageDescriptorUpdateAfterBindSamplers, v12.maxPerStageDescriptorUpdateAfterBindStorageBuffers,
+                     v12.maxPerStageDescriptorUpdateAfterBindSampledImages, v12.maxPerStageDescriptorUpdateAfterBindStorageImages,
+                     v12.maxPerStageUpdateAfterBindResources, v12.maxUpdateAfterBindDescriptorsInAllPools})
+    EXPECT_GE(n, 500000u);
+  EXPECT_GE(v12.maxPerStageDescriptorUpdateAfterBindUniformBuffers, l.maxPerStageDescriptorUniformBuffers);
+  EXPECT_GE(v12.maxPerStageDescriptorUpdateAfterBindInputAttachments, l.maxPerStageDescriptorInputAttachments);
+  EXPECT_GE(v12.maxDescriptorSetUpdateAfterBindUniformBuffersDynamic, l.maxDescriptorSetUniformBuffersDynamic);
+  EXPECT_TRUE(v12.supportedDepthResolveModes & VK_RESOLVE_MODE_SAMPLE_ZERO_BIT);
+  EXPECT_TRUE(v12.supportedStencilResolveModes & VK_RESOLVE_MODE_SAMPLE_ZERO_BIT);
+  EXPECT_FALSE(v12.supportedStencilResolveModes & VK_RESOLVE_MODE_AVERAGE_BIT) << "of integers";
+  EXPECT_TRUE(!v12.independentResolve || v12.independentResolveNone);
+  EXPECT_GE(v12.maxTimelineSemaphoreValueDifference, (1ull << 31) - 1);
+  EXPECT_TRUE(v12.framebufferIntegerColorSampleCounts & VK_SAMPLE_COUNT_1_BIT);
+
+  EXPECT_LE(v13.minSubgroupSize, v11.subgroupSize);
+  EXPECT_GE(v13.maxSubgroupSize, v11.subgroupSize);
+  EXPECT_TRUE(std::has_single_bit(v13.minSubgroupSize) && std::has_single_bit(v13.maxSubgroupSize));
+  EXPECT_GE(v13.maxComputeWorkgroupSubgroups * v13.maxSubgroupSize, l.maxComputeWorkGroupInvocations);
+  EXPECT_GE(v13.maxInlineUniformBlockSize, 256u);
+  EXPECT_GE(v13.maxPerStageDescriptorInlineUniformBlocks, 4u);
+  EXPECT_GE(v13.maxDescriptorSetInlineUniformBlocks, 4u);
+  EXPECT_GE(v13.maxInlineUniformTotalSize, 256u);
+  EXPECT_GE(v13.storageTexelBufferOffsetAlignmentBytes, 1u);
+  EXPECT_LE(v13.storageTexelBufferOffsetAlignmentBytes, l.minTexelBufferOffsetAlignment);
+  EXPECT_LE(v13.uniformTexelBufferOffsetAlignmentBytes, l.minTexelBufferOffsetAlignment);
+  EXPECT_GE(v13.maxBufferSize, 1ull << 30);
 }
 
 TEST(Features, HaveWhatTheyDependOn) {

@@ -50,10 +50,12 @@ bool isCore(const char* name) {
                      [&](const CoreCommand& c) { return !std::strcmp(c.name, name); });
 }
 
-// Every extension named in the registry's condition is there. Versions are not: the device is 1.0.
-bool met(const std::string& needs, const std::set<std::string>& have) {
+// Every extension and version named in the registry's condition is there.
+bool met(const std::string& needs, std::set<std::string> have) {
   if (needs.empty()) return true;
-  if (needs.find("VK_VERSION_1_1") != std::string::npos) return false;
+  VkPhysicalDeviceProperties p;
+  VK(vkGetPhysicalDeviceProperties)(physicalDevice(commonInstance()), &p);
+  for (uint32_t minor = 0; minor <= VK_API_VERSION_MINOR(p.apiVersion); minor++) have.insert("VK_VERSION_1_" + std::to_string(minor));
   for (size_t at = 0; at < needs.size();) {
     size_t end = needs.find_first_of(",+() ", at);
     if (end == std::string::npos) end = needs.size();

@@ -1,0 +1,155 @@
+// One compute shader, its buffers and its words: what tests of shader features need.
+#pragma once
+
+#include "cts_subset/tests/devices.h"
+
+#include <cstring>
+
+namespace pumice::cts {
+
+using Words = std::vector<uint32_t>;
+
+template <class T>
+Words wordsOf(const std::vector<T>& values) {
+  Words out((values.size() * sizeof(T) + 3) / 4);
+  if (!values.empty()) std::memcpy(out.data(), values.data(), values.size() * sizeof(T));
+  return out;
+}
+template <class T>
+std::vector<T> valuesOf(const Words& words) {
+  std::vector<T> out(words.size() * 4 / sizeof(T));
+  std::memcpy(out.data(), words.data(), out.size() * sizeof(T));
+  return out;
+}
+
+struct ComputeSpec {
+  VkPipelineCreateFlags pipelineFlags = 0;
+  VkPipelineShaderStageCreateFlags stageFlags = 0;
+  const void* stageNext = nullptr;
+  const VkSpecializationInfo* specialization = nullptr;
+  std::vector<uint8_t> push;
+  Words uniform;         // binding 2, when not empty
+  uint32_t groups = 1;
+};
+
+inline VkPipeline makeCompute(Workspace& work, VkShaderModule module, VkPipelineLayout layout, const ComputeSpec& spec = {}) {
+  VkComputePipelineCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+  info.flags = spec.pipelineFlags;
+  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+  info.stage.pNext = spec.stageNext;
+  info.stage.flags = spec.stageFlags;
+  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+  info.stage.module = module;
+  info.stage.pName = "main";
+  info.stage.pSpecializationInfo = spec.specialization;
+  info.layout = layout;
+  VkPipeline made = VK_NULL_HANDLE;
+  VkDevice d = work.device.handle;
+  check(vkCreateComputePipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &made), "vkCreateComputePipelines");
+  work.onDestroy([d, made] { vkDestroyPipeline(d, made, nullptr); });
+  return made;
+}
+
+inline VkDescriptorSetLayout makeSetLayout(Workspace& work, const std::vector<VkDescriptorSetLayoutBinding>& bindings,
+                                           VkDescriptorSetLayoutCreateFlags flags = 0, const void* next = nullptr) {
+  VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, next, flags,
+                                       uint32_t(bindings.size()), bindings.data()};
+  VkDescriptorSetLayout made = VK_NULL_HANDLE;
+  VkDevice d = work.device.handle;
+  check(vkCreateDescriptorSetLayout(d, &info, nullptr, &made), "vkCreateDescriptorSetLayout");
+  work.onDestroy([d, made] { vkDestroyDescriptorSetLayout(d, made, nullptr); });
+  return made;
+}
+
+inline VkPipelineLayout makePipelineLayout(Workspace& work, const std::vector<VkDescriptorSetLayout>& sets, uint32_t pushBytes = 0,
+                                           VkShaderStageFlags stages = VK_SHADER_STAGE_COMPUTE_BIT) {
+  VkPushConstantRange range{stages, 0, pushBytes};
+  VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, uint32_t(sets.size()), sets.data(),
+                                  pushBytes ? 1u : 0u, &range};
+  VkPipelineLayout made = VK_NULL_HANDLE;
+  VkDevice d = work.device.handle;
+  check(vkCreatePipelineLayout(d, &info, nullptr, &made), "vkCreatePipelineLayout");
+  work.onDestroy([d, made] { vkDestroyPipelineLayout(d, made, nullptr); });
+  return made;
+}
+
+inline VkDescriptorPool makePool(Workspace& work, const std::vector<VkDescriptorPoolSize>& sizes, uint32_t sets = 4,
+                                 VkDescriptorPoolCreateFlags flags = 0, const void* next = nullptr) {
+  VkDescriptorPoolCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, next, flags, sets, uint32_t(sizes.size()), sizes.data()};
+  VkDescriptorPool made = VK_NULL_HANDLE;
+  VkDevice d = work.device.handle;
+  check(vkCreateDescriptorPool(d, &info, nullptr, &made), "vkCreateDescriptorPool");
+  work.onDestroy([d, made] { vkDestroyDescriptorPool(d, made, nullptr); });
+  return made;
+}
+
+inline VkDescriptorSet makeSet(Workspace& work, VkDescriptorPool pool, VkDescriptorSetLayout layout, const void* next = nullptr) {
+  VkDescriptorSetAllocateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, next, pool, 1, &layout};
+  VkDescriptorSet made = VK_NULL_HANDLE;
+  check(vkAllocateDescriptorSets(work.device.handle, &info, &made), "vkAllocateDescriptorSets");
+  return made;
+}
+
+inline VkDescriptorSetLayoutBinding computeBinding(uint32_t number, VkDescriptorType type, uint32_t count = 1) {
+  return {number, type, count, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
+}
+
+inline VkWriteDescriptorSet writeBuffer(VkDescriptorSet set, uint32_t binding, VkDescriptorType type, const VkDescriptorBufferInfo* info,
+                                        uint32_t element = 0, uint32_t count = 1) {
+  VkWriteDescriptorSet w{};
+  w.sType = VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET;
+  w.dstSet = set;
+  w.dstBinding = binding;
+  w.dstArrayElement = element;
+  w.descriptorCount = count;
+  w.descriptorType = type;
+  w.pBufferInfo = info;
+  return w;
+}
+
+inline constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
+
+// Runs a shader with `in` at binding 0 and gives back the words of binding 1.
+inline Words runCompute(Device& device, const std::vector<uint32_t>& spirv, const Words& in, size_t outWords, const ComputeSpec& spec = {}) {
+  Workspace work(device);
+  Buffer source = work.bufferOf(in, kStorage);
+  Buffer target = work.bufferOf(Words(outWords, 0xcdcdcdcd), kStorage);
+  std::vector<VkDescriptorSetLayoutBinding> bindings = {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER),
+                                                        computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)};
+  if (!spec.uniform.empty()) bindings.push_back(computeBinding(2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER));
+  VkDescriptorSetLayout setLayout = makeSetLayout(work, bindings);
+  VkPipelineLayout layout = makePipelineLayout(work, {setLayout}, uint32_t(spec.push.size()));
+  VkPipeline pipeline = makeCompute(work, work.shader(spirv), layout, spec);
+  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2}, {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1}});
+  VkDescriptorSet set = makeSet(work, pool, setLayout);
+  VkDescriptorBufferInfo infos[3] = {{source.handle, 0, VK_WHOLE_SIZE}, {target.handle, 0, VK_WHOLE_SIZE}, {}};
+  std::vector<VkWriteDescriptorSet> writes = {writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &infos[0]),
+                                              writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &infos[1])};
+  if (!spec.uniform.empty()) {
+    Buffer uniform = work.bufferOf(spec.uniform, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT);
+    infos[2] = {uniform.handle, 0, VK_WHOLE_SIZE};
+    writes.push_back(writeBuffer(set, 2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, &infos[2]));
+  }
+  vkUpdateDescriptorSets(device.handle, uint32_t(writes.size()), writes.data(), 0, nullptr);
+  device.run([&](VkCommandBuffer commands) {
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+    if (!spec.push.empty()) vkCmdPushConstants(commands, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, uint32_t(spec.push.size()), spec.push.data());
+    vkCmdDispatch(commands, spec.groups, 1, 1);
+    fullBarrier(commands);
+  });
+  Words out(outWords);
+  std::memcpy(out.data(), target.mapped, outWords * 4);
+  return out;
+}
+
+inline Words runCompute(Device& device, const std::string& glsl, const Words& in, size_t outWords, const ComputeSpec& spec = {}) {
+  return runCompute(device, compileGlsl(VK_SHADER_STAGE_COMPUTE_BIT, "#version 460\n" + glsl, ShaderTarget::kVulkan13), in, outWords, spec);
+}
+
+// A test of what a device need not have.
+#define PUMICE_NEED_FEATURE(feature) \
+  if (!(feature)) GTEST_SKIP() << device().name() << " has no " #feature
+
+}  // namespace pumice::cts

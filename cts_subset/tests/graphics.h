@@ -1,0 +1,143 @@
+// Graphics pipelines without vertex buffers for tests of the API: a triangle that covers the whole target.
+#pragma once
+
+#include "cts_subset/tests/compute.h"
+
+namespace pumice::cts {
+
+inline const char* const kWholeTarget = R"(#version 460
+layout(push_constant) uniform P { vec4 given; };
+void main() { gl_Position = vec4(vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2) * 2 - 1, given.w, 1); }
+)";
+
+struct GraphicsSpec {
+  std::string vertex = kWholeTarget, fragment;
+  std::vector<VkFormat> colors;          // of dynamic rendering
+  VkFormat depth = VK_FORMAT_UNDEFINED, stencil = VK_FORMAT_UNDEFINED;
+  uint32_t viewMask = 0;
+  VkRenderPass pass = VK_NULL_HANDLE;    // instead of them
+  uint32_t subpass = 0, colorCount = 0;  // of the subpass
+  VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT;
+  VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+  bool depthTest = false, stencilTest = false;
+  uint32_t stencilReference = 0;         // replaces
+  std::vector<VkDynamicState> dynamic;   // besides viewport and scissor
+  std::vector<VkVertexInputBindingDescription> bindings;
+  std::vector<VkVertexInputAttributeDescription> attributes;
+  VkPipelineCreateFlags flags = 0;
+  const void* next = nullptr;
+};
+
+inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const GraphicsSpec& spec, VkPipeline* made) {
+  VkPipelineShaderStageCreateInfo stages[2]{};
+  for (auto& s : stages) s.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, s.pName = "main";
+  stages[0].stage = VK_SHADER_STAGE_VERTEX_BIT;
+  stages[0].module = work.shader(VK_SHADER_STAGE_VERTEX_BIT, spec.vertex, ShaderTarget::kVulkan13);
+  stages[1].stage = VK_SHADER_STAGE_FRAGMENT_BIT;
+  if (!spec.fragment.empty()) stages[1].module = work.shader(VK_SHADER_STAGE_FRAGMENT_BIT, spec.fragment, ShaderTarget::kVulkan13);
+  VkPipelineVertexInputStateCreateInfo input{};
+  input.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
+  input.vertexBindingDescriptionCount = uint32_t(spec.bindings.size());
+  input.pVertexBindingDescriptions = spec.bindings.data();
+  input.vertexAttributeDescriptionCount = uint32_t(spec.attributes.size());
+  input.pVertexAttributeDescriptions = spec.attributes.data();
+  VkPipelineInputAssemblyStateCreateInfo assembly{};
+  assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
+  assembly.topology = spec.topology;
+  bool counted = std::find(spec.dynamic.begin(), spec.dynamic.end(), VK_DYNAMIC_STATE_VIEWPORT_WITH_COUNT) != spec.dynamic.end();
+  VkPipelineViewportStateCreateInfo viewport{};
+  viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
+  viewport.viewportCount = viewport.scissorCount = counted ? 0 : 1;
+  VkPipelineRasterizationStateCreateInfo raster{};
+  raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
+  raster.lineWidth = 1;
+  VkPipelineMultisampleStateCreateInfo multisample{};
+  multisample.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
+  multisample.rasterizationSamples = spec.samples;
+  VkPipelineDepthStencilStateCreateInfo depth{};
+  depth.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
+  depth.depthTestEnable = depth.depthWriteEnable = spec.depthTest;
+  depth.depthCompareOp = VK_COMPARE_OP_LESS;
+  depth.stencilTestEnable = spec.stencilTest;
+  depth.front = {VK_STENCIL_OP_KEEP, VK_STENCIL_OP_REPLACE, VK_STENCIL_OP_KEEP, VK_COMPARE_OP_ALWAYS, 0xff, 0xff, spec.stencilReference};
+  depth.back = depth.front;
+  std::vector<VkPipelineColorBlendAttachmentState> attachments(spec.pass ? spec.colorCount : spec.colors.size());
+  for (auto& a : attachments) a.colorWriteMask = 0xf;
+  VkPipelineColorBlendStateCreateInfo blend{};
+  blend.sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO;
+  blend.attachmentCount = uint32_t(attachments.size());
+  blend.pAttachments = attachments.data();
+  std::vector<VkDynamicState> dynamic = spec.dynamic;
+  if (!counted) dynamic.insert(dynamic.end(), {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR});
+  VkPipelineDynamicStateCreateInfo dynamicInfo{};
+  dynamicInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
+  dynamicInfo.dynamicStateCount = uint32_t(dynamic.size());
+  dynamicInfo.pDynamicStates = dynamic.data();
+  VkPipelineRenderingCreateInfo rendering{};
+  rendering.sType = VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO;
+  rendering.pNext = spec.next;
+  rendering.viewMask = spec.viewMask;
+  rendering.colorAttachmentCount = uint32_t(spec.colors.size());
+  rendering.pColorAttachmentFormats = spec.colors.data();
+  rendering.depthAttachmentFormat = spec.depth;
+  rendering.stencilAttachmentFormat = spec.stencil;
+  VkGraphicsPipelineCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO;
+  info.pNext = spec.pass ? spec.next : &rendering;
+  info.flags = spec.flags;
+  info.stageCount = spec.fragment.empty() ? 1 : 2;
+  info.pStages = stages;
+  info.pVertexInputState = &input;
+  info.pInputAssemblyState = &assembly;
+  info.pViewportState = &viewport;
+  info.pRasterizationState = &raster;
+  info.pMultisampleState = &multisample;
+  info.pDepthStencilState = &depth;
+  info.pColorBlendState = &blend;
+  info.pDynamicState = &dynamicInfo;
+  info.layout = layout;
+  info.renderPass = spec.pass;
+  info.subpass = spec.subpass;
+  VkDevice d = work.device.handle;
+  VkResult result = vkCreateGraphicsPipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, made);
+  if (*made) work.onDestroy([d, p = *made] { vkDestroyPipeline(d, p, nullptr); });
+  return result;
+}
+
+inline VkPipeline makeGraphics(Workspace& work, VkPipelineLayout layout, const GraphicsSpec& spec) {
+  VkPipeline made = VK_NULL_HANDLE;
+  check(tryGraphics(work, layout, spec, &made), "vkCreateGraphicsPipelines");
+  return made;
+}
+
+inline VkRenderingAttachmentInfo rendered(VkImageView view, VkAttachmentLoadOp load, VkClearValue clear = {}) {
+  VkRenderingAttachmentInfo a{};
+  a.sType = VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO;
+  a.imageView = view;
+  a.imageLayout = VK_IMAGE_LAYOUT_GENERAL;
+  a.loadOp = load;
+  a.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+  a.clearValue = clear;
+  return a;
+}
+
+inline VkRenderingInfo renderingInfo(VkExtent2D extent, const std::vector<VkRenderingAttachmentInfo>& colors, uint32_t viewMask = 0) {
+  VkRenderingInfo r{};
+  r.sType = VK_STRUCTURE_TYPE_RENDERING_INFO;
+  r.renderArea.extent = extent;
+  r.layerCount = 1;
+  r.viewMask = viewMask;
+  r.colorAttachmentCount = uint32_t(colors.size());
+  r.pColorAttachments = colors.data();
+  return r;
+}
+
+// Viewport and scissor of the whole target.
+inline void wholeTarget(VkCommandBuffer commands, VkExtent2D extent) {
+  VkViewport viewport{0, 0, float(extent.width), float(extent.height), 0, 1};
+  VkRect2D scissor{{0, 0}, extent};
+  vkCmdSetViewport(commands, 0, 1, &viewport);
+  vkCmdSetScissor(commands, 0, 1, &scissor);
+}
+
+}  // namespace pumice::cts

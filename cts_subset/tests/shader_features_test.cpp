@@ -1,0 +1,480 @@
+// Features of shaders, each through a compute shader whose results are computed here too.
+#include "cts_subset/tests/compute.h"
+
+#include <bit>
+#include <cmath>
+#include <numeric>
+
+namespace pumice::cts {
+namespace {
+
+class ShaderFeatures : public OnDevice {
+ protected:
+  template <class T>
+  void expect(const std::vector<T>& found, const std::vector<T>& expected) {
+    ASSERT_EQ(found.size(), expected.size());
+    size_t wrong = 0;
+    for (size_t i = 0; i < found.size(); i++)
+      if (std::memcmp(&found[i], &expected[i], sizeof(T)) && ++wrong <= 5)
+        ADD_FAILURE() << "element " << i << " is " << +found[i] << ", expected " << +expected[i];
+    EXPECT_EQ(wrong, 0u) << "of " << found.size();
+  }
+};
+
+constexpr size_t kLanes = 64;
+
+std::vector<uint64_t> wideNumbers() {
+  std::vector<uint64_t> v;
+  uint64_t state = 88172645463325252ull;
+  for (size_t i = 0; i < 2 * kLanes; i++) {
+    state ^= state << 13, state ^= state >> 7, state ^= state << 17;
+    v.push_back(i % 5 == 0 ? state >> 40 : i % 7 == 0 ? ~(state >> 50) : state);
+  }
+  v[0] = v[1] = ~0ull;
+  v[2] = 0, v[3] = 1ull << 63;
+  return v;
+}
+
+TEST_P(ShaderFeatures, Int64) {
+  PUMICE_NEED_FEATURE(device().features.shaderInt64);
+  const std::vector<uint64_t> in = wideNumbers();
+  std::vector<uint64_t> expected;
+  for (size_t i = 0; i < kLanes; i++) {
+    uint64_t x = in[2 * i], y = in[2 * i + 1] | 1;
+    int64_t sx = int64_t(x), sy = int64_t(y) == -1 ? 3 : int64_t(y);
+    expected.insert(expected.end(), {x + y, x * y, x / y, uint64_t(sx / sy), x >> (y & 63), uint64_t(sx >> (y & 63)), uint64_t(x < y) | uint64_t(sx < sy) << 1,
+                                     x % y, uint64_t(double(float(uint32_t(x))) > 0), uint64_t(uint32_t(x ^ y))});
+  }
+  expect(valuesOf<uint64_t>(runCompute(device(), R"(
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+layout(local_size_x = 64) in;
+layout(binding = 0) readonly buffer In { uint64_t a[]; };
+layout(binding = 1) buffer Out { uint64_t r[]; };
+void main() {
+  uint i = gl_GlobalInvocationID.x, o = i * 10;
+  uint64_t x = a[2 * i], y = a[2 * i + 1] | 1ul;
+  int64_t sx = int64_t(x), sy = int64_t(y) == -1l ? 3l : int64_t(y);
+  r[o] = x + y; r[o + 1] = x * y; r[o + 2] = x / y; r[o + 3] = uint64_t(sx / sy);
+  r[o + 4] = x >> (y & 63ul); r[o + 5] = uint64_t(sx >> (y & 63ul));
+  r[o + 6] = (x < y ? 1ul : 0ul) | (sx < sy ? 2ul : 0ul); r[o + 7] = x % y;
+  r[o + 8] = float(uint(x)) > 0 ? 1ul : 0ul; r[o + 9] = uint64_t(uint(x ^ y));
+})", wordsOf(in), kLanes * 20)), expected);
+}
+
+TEST_P(ShaderFeatures, Int16AndInt8) {
+  PUMICE_NEED_FEATURE(device().features.shaderInt16 && device().vulkan12.shaderInt8 && device().vulkan12.storageBuffer8BitAccess &&
+                      device().vulkan11.storageBuffer16BitAccess);
+  std::vector<uint16_t> in;
+  for (uint32_t i = 0; i < 2 * kLanes; i++) in.push_back(uint16_t(i * 40503u + 77));
+  std::vector<uint16_t> expected;
+  for (size_t i = 0; i < kLanes; i++) {
+    uint16_t x = in[2 * i], y = uint16_t(in[2 * i + 1] | 1);
+    int16_t sx = int16_t(x), sy = int16_t(y) == -1 ? int16_t(3) : int16_t(y);
+    uint8_t b = uint8_t(x), c = uint8_t(y);
+    int8_t sb = int8_t(b), sc = int8_t(c);
+    expected.insert(expected.end(), {uint16_t(x + y), uint16_t(x * y), uint16_t(x / y), uint16_t(sx / sy), uint16_t(sx >> (y & 15)),
+                                     uint16_t(sx < sy), uint16_t(uint8_t(b + c) | uint8_t(b * c) << 8), uint16_t(uint8_t(sb >> (c & 7)) | (sb < sc ? 256 : 0))});
+  }
+  expect(valuesOf<uint16_t>(runCompute(device(), R"(
+#extension GL_EXT_shader_explicit_arithmetic_types : require
+#extension GL_EXT_shader_8bit_storage : require
+#extension GL_EXT_shader_16bit_storage : require
+layout(local_size_x = 64) in;
+layout(binding = 0) readonly buffer In { uint16_t a[]; };
+layout(binding = 0) readonly buffer InBytes { uint8_t bytes[]; };
+layout(binding = 1) buffer Out { uint16_t r[]; };
+void main() {
+  uint i = gl_GlobalInvocationID.x, o = i * 8;
+  uint16_t x = a[2 * i], y = a[2 * i + 1] | 1us;
+  int16_t sx = int16_t(x), sy = int16_t(y) == -1s ? 3s : int16_t(y);
+  uint8_t b = bytes[4 * i], c = uint8_t(y);
+  int8_t sb = int8_t(b), sc = int8_t(c);
+  r[o] = x + y; r[o + 1] = x * y; r[o + 2] = x / y; r[o + 3] = uint16_t(sx / sy); r[o + 4] = uint16_t(sx >> (y & 15us));
+  r[o + 5] = sx < sy ? 1us : 0us;
+  r[o + 6] = uint16_t(uint8_t(b + c)) | (uint16_t(uint8_t(b * c)) << 8us);
+  r[o + 7] = uint16_t(uint8_t(sb >> (c & uint8_t(7)))) | (sb < sc ? 256us : 0us);
+})", wordsOf(in), kLanes * 4)), expected);
+}
+
+TEST_P(ShaderFeatures, Float16) {
+  PUMICE_NEED_FEATURE(device().vulkan12.shaderFloat16 && device().vulkan11.storageBuffer16BitAccess);
+  std::vector<_Float16> in;
+  for (uint32_t i = 0; i < 2 * kLanes; i++) in.push_back(_Float16(float(int(i * 7919 % 4001) - 2000) / 64.0f));
+  std::vector<uint16_t> expected;
+  for (size_t i = 0; i < kLanes; i++) {
+    _Float16 x = in[2 * i], y = in[2 * i + 1];
+    auto bits = [](_Float16 v) { return std::bit_cast<uint16_t>(v); };
+    expected.insert(expected.end(), {bits(x + y), bits(x - y), bits(x * y), uint16_t(x < y), bits(_Float16(float(x) * 1.25f)), uint16_t(int16_t(int(x)))});
+  }
+  expect(valuesOf<uint16_t>(runCompute(device(), R"(
+#extension GL_EXT_shader_explicit_arithmetic_types : require
+#extension GL_EXT_shader_16bit_storage : require
+layout(local_size_x = 64) in;
+layout(binding = 0) readonly buffer In { float16_t a[]; };
+layout(binding = 1) buffer Out { uint16_t r[]; };
+void main() {
+  uint i = gl_GlobalInvocationID.x, o = i * 6;
+  float16_t x = a[2 * i], y = a[2 * i + 1];
+  r[o] = float16BitsToUint16(x + y); r[o + 1] = float16BitsToUint16(x - y); r[o + 2] = float16BitsToUint16(x * y);
+  r[o + 3] = x < y ? 1us : 0us; r[o + 4] = float16BitsToUint16(float16_t(float(x) * 1.25)); r[o + 5] = uint16_t(int16_t(x));
+})", wordsOf(in), kLanes * 3)), expected);
+}
+
+TEST_P(ShaderFeatures, Float64) {
+  PUMICE_NEED_FEATURE(device().features.shaderFloat64);
+  std::vector<double> in;
+  for (uint32_t i = 0; i < 2 * kLanes; i++) in.push_back((double(i * 2654435761u % 100003) + 0.1) / 777.0);
+  std::vector<double> expected;
+  for (size_t i = 0; i < kLanes; i++) {
+    double x = in[2 * i], y = -in[2 * i + 1];
+    expected.insert(expected.end(), {x + y, x * y, x / y, std::sqrt(x), double(float(x)), double(int32_t(y)), x < -y ? std::floor(x) : std::fabs(y)});
+  }
+  expect(valuesOf<double>(runCompute(device(), R"(
+layout(local_size_x = 64) in;
+layout(binding = 0) readonly buffer In { double a[]; };
+layout(binding = 1) buffer Out { double r[]; };
+void main() {
+  uint i = gl_GlobalInvocationID.x, o = i * 7;
+  double x = a[2 * i], y = -a[2 * i + 1];
+  r[o] = x + y; r[o + 1] = x * y; r[o + 2] = x / y; r[o + 3] = sqrt(x); r[o + 4] = double(float(x)); r[o + 5] = double(int(y));
+  r[o + 6] = x < -y ? floor(x) : abs(y);
+})", wordsOf(in), kLanes * 14)), expected);
+}
+
+TEST_P(ShaderFeatures, SmallTypesInUniformBuffersAndPushConstants) {
+  PUMICE_NEED_FEATURE(device().vulkan12.uniformAndStorageBuffer8BitAccess && device().vulkan11.uniformAndStorageBuffer16BitAccess &&
+                      device().vulkan12.storagePushConstant8 && device().vulkan11.storagePushConstant16);
+  ComputeSpec spec;
+  spec.uniform = {0x04030201, 0xfffe8081, 0x3c00c000};
+  spec.push = {1, 0xff, 0x34, 0x12, 0x00, 0x3e, 0, 0};   // 1, -1, 0x1234, 1.5
+  expect(runCompute(device(), R"(
+#extension GL_EXT_shader_8bit_storage : require
+#extension GL_EXT_shader_16bit_storage : require
+layout(local_size_x = 1) in;
+layout(binding = 1) buffer Out { uint r[]; };
+layout(binding = 2) uniform U { uint8_t a, b, c, d; int8_t e, f; uint16_t g; float16_t h, k; };
+layout(push_constant) uniform P { uint8_t p; int8_t q; uint16_t s; float16_t t; };
+void main() {
+  r[0] = uint(a) + uint(b) * 10 + uint(c) * 100 + uint(d) * 1000;
+  r[1] = uint(int(e)); r[2] = uint(int(f)); r[3] = uint(g); r[4] = floatBitsToUint(float(h)); r[5] = floatBitsToUint(float(k));
+  r[6] = uint(p); r[7] = uint(int(q)); r[8] = uint(s); r[9] = floatBitsToUint(float(t));
+})", Words(1), 10, spec), Words{4321, 0xffffff81, 0xffffff80, 0xfffe, 0xc0000000, 0x3f800000, 1, 0xffffffff, 0x1234, 0x3fc00000});
+}
+
+TEST_P(ShaderFeatures, Int64Atomics) {
+  PUMICE_NEED_FEATURE(device().features.shaderInt64 && device().vulkan12.shaderBufferInt64Atomics && device().vulkan12.shaderSharedInt64Atomics);
+  std::vector<uint64_t> r = valuesOf<uint64_t>(runCompute(device(), R"(
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_atomic_int64 : require
+layout(local_size_x = 64) in;
+layout(binding = 0) buffer In { uint64_t sum, largest, bits; int64_t smallest; };
+layout(binding = 1) buffer Out { uint64_t r[]; };
+shared uint64_t total;
+void main() {
+  uint i = gl_LocalInvocationIndex;
+  if (i == 0) total = 0ul;
+  barrier();
+  uint64_t v = (uint64_t(i) << 33) + 5ul;
+  atomicAdd(sum, v); atomicMax(largest, v); atomicOr(bits, 1ul << i); atomicMin(smallest, int64_t(i) - 40l);
+  atomicAdd(total, v);
+  barrier();
+  memoryBarrierBuffer();
+  if (i == 0) {
+    r[0] = sum; r[1] = largest; r[2] = bits; r[3] = uint64_t(smallest); r[4] = total;
+    r[5] = atomicCompSwap(sum, sum, 7ul); r[6] = atomicExchange(sum, 9ul); r[7] = sum;
+  }
+})", Words(8), 16));
+  uint64_t sum = (uint64_t(63 * 64 / 2) << 33) + 5 * 64;
+  expect(r, std::vector<uint64_t>{sum, (uint64_t(63) << 33) + 5, ~0ull, uint64_t(-40), sum, sum, 7, 9});
+}
+
+TEST_P(ShaderFeatures, ScalarAndStandardBlockLayouts) {
+  PUMICE_NEED_FEATURE(device().vulkan12.scalarBlockLayout && device().vulkan12.uniformBufferStandardLayout);
+  ComputeSpec spec;
+  spec.uniform.resize(16);
+  std::iota(spec.uniform.begin(), spec.uniform.end(), 100u);
+  Words in(16);
+  std::iota(in.begin(), in.end(), 0u);
+  expect(runCompute(device(), R"(
+#extension GL_EXT_scalar_block_layout : require
+layout(local_size_x = 1) in;
+struct S { uint a; uvec3 b; };
+layout(binding = 0, scalar) readonly buffer In { S s[2]; uvec3 tail[]; };
+layout(binding = 1) buffer Out { uint r[]; };
+layout(binding = 2, std430) uniform U { uint dense[4]; uint after; };
+void main() {
+  r[0] = s[0].b.z; r[1] = s[1].a; r[2] = s[1].b.x; r[3] = tail[1].y; r[4] = dense[3]; r[5] = after;
+})", in, 6, spec), Words{3, 4, 5, 12, 103, 104});
+  expect(runCompute(device(), R"(
+#extension GL_EXT_scalar_block_layout : require
+layout(local_size_x = 1) in;
+layout(binding = 1) buffer Out { uint r[]; };
+layout(binding = 2, scalar) uniform U { uvec3 v[3]; uint after; };
+void main() { r[0] = v[1].x; r[1] = v[2].z; r[2] = after; }
+)", in, 3, spec), Words{103, 108, 109});
+}
+
+TEST_P(ShaderFeatures, BufferDeviceAddress) {
+  PUMICE_NEED_FEATURE(device().vulkan12.bufferDeviceAddress && device().features.shaderInt64);
+  Workspace work(device());
+  VkDevice d = device().handle;
+  // Device addresses need memory allocated for them.
+  VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, nullptr, 0, 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | kStorage, VK_SHARING_MODE_EXCLUSIVE, 0, nullptr};
+  VkBuffer buffer = VK_NULL_HANDLE;
+  check(vkCreateBuffer(d, &info, nullptr, &buffer), "vkCreateBuffer");
+  work.onDestroy([=] { vkDestroyBuffer(d, buffer, nullptr); });
+  VkMemoryRequirements needs;
+  vkGetBufferMemoryRequirements(d, buffer, &needs);
+  VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+  VkMemoryAllocateInfo allocate{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size,
+                                device().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)};
+  VkDeviceMemory memory = VK_NULL_HANDLE;
+  check(vkAllocateMemory(d, &allocate, nullptr, &memory), "vkAllocateMemory");
+  work.onDestroy([=] { vkFreeMemory(d, memory, nullptr); });
+  check(vkBindBufferMemory(d, buffer, memory, 0), "vkBindBufferMemory");
+  void* mapped = nullptr;
+  check(vkMapMemory(d, memory, 0, VK_WHOLE_SIZE, 0, &mapped), "vkMapMemory");
+  VkBufferDeviceAddressInfo ask{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
+  uint64_t address = vkGetBufferDeviceAddress(d, &ask);
+  ASSERT_NE(address, 0u);
+  // A chain of nodes in strange order: value, padding, address of the next.
+  struct Node {
+    uint32_t value, pad;
+    uint64_t next;
+  };
+  auto* nodes = static_cast<Node*>(mapped);
+  uint32_t at = 0, sum = 0;
+  for (uint32_t i = 0; i < 40; i++) {
+    uint32_t next = (at + 37) % 97;
+    nodes[at] = {i * i, 0, i == 39 ? 0 : address + next * sizeof(Node)};
+    sum += i * i;
+    at = next;
+  }
+  expect(runCompute(device(), R"(
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+layout(local_size_x = 1) in;
+layout(buffer_reference) buffer Node;
+layout(buffer_reference, std430, buffer_reference_align = 8) buffer Node { uint value, pad; uint64_t next; };
+layout(binding = 0) readonly buffer In { uint64_t first; };
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  uint sum = 0, count = 0;
+  for (uint64_t p = first; p != 0ul; p = Node(p).next) { sum += Node(p).value; count++; }
+  Node(first).pad = count;
+  r[0] = sum; r[1] = count;
+})", wordsOf(std::vector<uint64_t>{address}), 2), Words{sum, 40});
+  EXPECT_EQ(nodes[0].pad, 40u) << "written through an address";
+}
+
+// Results by subgroup size: the driver under test and its peer have different ones.
+TEST_P(ShaderFeatures, SubgroupOperations) {
+  VkPhysicalDeviceVulkan11Properties v11{};
+  v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
+  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  constexpr VkSubgroupFeatureFlags kTested = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
+                                             VK_SUBGROUP_FEATURE_BALLOT_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT |
+                                             VK_SUBGROUP_FEATURE_QUAD_BIT;
+  PUMICE_NEED_FEATURE((v11.subgroupSupportedOperations & kTested) == kTested && (v11.subgroupSupportedStages & VK_SHADER_STAGE_COMPUTE_BIT));
+  const uint32_t size = v11.subgroupSize;
+  Words in(128);
+  for (uint32_t i = 0; i < in.size(); i++) in[i] = i * 2654435761u >> 20;
+  Words expected;
+  for (uint32_t i = 0; i < 128; i++) {
+    uint32_t lane = i % size, first = i - lane, sum = 0, before = 0, most = 0, ballot = 0;
+    bool any = false, all = true;
+    for (uint32_t k = 0; k < size; k++) {
+      uint32_t v = in[first + k];
+      sum += v;
+      if (k < lane) before += v;
+      most = std::max(most, v);
+      if (v & 1) ballot |= 1u << k;
+      any |= v > 4000, all &= v < 4090;
+    }
+    uint32_t x = lane ^ 3;
+    expected.insert(expected.end(), {sum, before, most, ballot, uint32_t(any) | uint32_t(all) << 1, in[first + x], lane ? in[i - 1] : 0u, in[i ^ 1], in[first + 2],
+                                     lane, uint32_t(lane == 0), i / size});
+  }
+  expect(runCompute(device(), R"(
+#extension GL_KHR_shader_subgroup_basic : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_vote : require
+#extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_shader_subgroup_shuffle_relative : require
+#extension GL_KHR_shader_subgroup_quad : require
+layout(local_size_x = 128) in;
+layout(binding = 0) readonly buffer In { uint a[]; };
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  uint i = gl_LocalInvocationIndex, o = i * 12, v = a[i];
+  r[o] = subgroupAdd(v); r[o + 1] = subgroupExclusiveAdd(v); r[o + 2] = subgroupMax(v); r[o + 3] = subgroupBallot((v & 1) != 0).x;
+  r[o + 4] = (subgroupAny(v > 4000) ? 1 : 0) | (subgroupAll(v < 4090) ? 2 : 0);
+  r[o + 5] = subgroupShuffle(v, gl_SubgroupInvocationID ^ 3);
+  uint up = subgroupShuffleUp(v, 1); r[o + 6] = gl_SubgroupInvocationID == 0 ? 0 : up;
+  r[o + 7] = subgroupQuadSwapHorizontal(v); r[o + 8] = subgroupBroadcast(v, 2);
+  r[o + 9] = gl_SubgroupInvocationID; r[o + 10] = subgroupElect() ? 1 : 0; r[o + 11] = gl_SubgroupID;
+})", in, 128 * 12), expected);
+}
+
+TEST_P(ShaderFeatures, SubgroupExtendedTypes) {
+  PUMICE_NEED_FEATURE(device().vulkan12.shaderSubgroupExtendedTypes && device().features.shaderInt64 && device().features.shaderInt16 &&
+                      device().vulkan12.shaderInt8 && device().vulkan12.shaderFloat16);
+  VkPhysicalDeviceVulkan11Properties v11{};
+  v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
+  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  PUMICE_NEED_FEATURE(v11.subgroupSupportedOperations & VK_SUBGROUP_FEATURE_ARITHMETIC_BIT);
+  const uint32_t size = v11.subgroupSize;
+  std::vector<uint64_t> expected;
+  for (uint32_t i = 0; i < 64; i++) {
+    uint32_t first = i / size * size;
+    uint64_t wide = 0;
+    uint16_t half = 0;
+    uint8_t byte = 0;
+    float f = 0;
+    for (uint32_t k = first; k < first + size; k++) wide += uint64_t(k) << 32 | k, half = uint16_t(half + k * 3000), byte = uint8_t(byte + k * 77), f += 0.5f * float(k % 4);
+    expected.insert(expected.end(), {wide, half, byte, std::bit_cast<uint32_t>(f), uint64_t(first) << 40});
+  }
+  expect(valuesOf<uint64_t>(runCompute(device(), R"(
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_EXT_shader_explicit_arithmetic_types : require
+#extension GL_EXT_shader_subgroup_extended_types_int8 : require
+#extension GL_EXT_shader_subgroup_extended_types_int16 : require
+#extension GL_EXT_shader_subgroup_extended_types_int64 : require
+#extension GL_EXT_shader_subgroup_extended_types_float16 : require
+layout(local_size_x = 64) in;
+layout(binding = 1) buffer Out { uint64_t r[]; };
+void main() {
+  uint i = gl_LocalInvocationIndex, o = i * 5;
+  r[o] = subgroupAdd(uint64_t(i) << 32 | uint64_t(i));
+  r[o + 1] = uint64_t(subgroupAdd(uint16_t(i * 3000)));
+  r[o + 2] = uint64_t(subgroupAdd(uint8_t(i * 77)));
+  r[o + 3] = uint64_t(floatBitsToUint(float(subgroupAdd(float16_t(0.5) * float16_t(i % 4)))));
+  r[o + 4] = subgroupBroadcastFirst(uint64_t(i) << 40);
+})", Words(1), 64 * 10)), expected);
+}
+
+TEST_P(ShaderFeatures, VulkanMemoryModel) {
+  PUMICE_NEED_FEATURE(device().vulkan12.vulkanMemoryModel && device().vulkan12.vulkanMemoryModelDeviceScope);
+  // Each invocation publishes a value and then the flag of it; the next one waits for the flag in turn.
+  ComputeSpec spec;
+  spec.groups = 1;
+  expect(runCompute(device(), R"(
+#pragma use_vulkan_memory_model
+#extension GL_KHR_memory_scope_semantics : require
+layout(local_size_x = 64) in;
+layout(binding = 0) workgroupcoherent buffer In { uint value[64]; uint flag[64]; };
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  uint i = gl_LocalInvocationIndex;
+  value[i] = i * 3 + 1;
+  atomicStore(flag[i], 1u, gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsRelease);
+  controlBarrier(gl_ScopeWorkgroup, gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsAcquireRelease);
+  uint other = (i + 17) % 64;
+  uint seen = atomicLoad(flag[other], gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsAcquire);
+  r[i] = seen * value[other];
+})", Words(128), 64, spec), [] {
+    Words e;
+    for (uint32_t i = 0; i < 64; i++) e.push_back((i + 17) % 64 * 3 + 1);
+    return e;
+  }());
+}
+
+TEST_P(ShaderFeatures, ZeroInitializedWorkgroupMemory) {
+  PUMICE_NEED_FEATURE(device().vulkan13.shaderZeroInitializeWorkgroupMemory);
+  ComputeSpec spec;
+  spec.groups = 32;   // later groups find what earlier ones left
+  expect(runCompute(device(), R"(
+#extension GL_EXT_null_initializer : require
+layout(local_size_x = 64) in;
+layout(binding = 1) buffer Out { uint r[]; };
+shared uint a[256] = {};
+void main() {
+  uint bits = 0;
+  for (uint k = gl_LocalInvocationIndex; k < 256; k += 64) { bits |= a[k]; a[k] = 0xdeadbeefu; }
+  r[gl_GlobalInvocationID.x] = bits;
+})", Words(1), 64 * 32, spec), Words(64 * 32, 0));
+}
+
+TEST_P(ShaderFeatures, SubgroupSizeControlAndSpecializedSizes) {
+  PUMICE_NEED_FEATURE(device().vulkan13.subgroupSizeControl && device().vulkan13.computeFullSubgroups && device().vulkan13.maintenance4);
+  VkPhysicalDeviceVulkan13Properties v13{};
+  v13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v13, {}};
+  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  const uint32_t localSize = 4 * v13.maxSubgroupSize;
+  VkSpecializationMapEntry entry{0, 0, 4};
+  VkSpecializationInfo specialization{1, &entry, 4, &localSize};
+  VkPipelineShaderStageRequiredSubgroupSizeCreateInfo required{VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO, nullptr, v13.maxSubgroupSize};
+  ComputeSpec spec;
+  spec.specialization = &specialization;
+  spec.stageFlags = VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT;
+  if (v13.requiredSubgroupSizeStages & VK_SHADER_STAGE_COMPUTE_BIT) spec.stageNext = &required;
+  Words r = runCompute(device(), R"(
+#extension GL_KHR_shader_subgroup_ballot : require
+layout(local_size_x_id = 0) in;
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  uint lanes = subgroupBallotBitCount(subgroupBallot(true));
+  if (gl_LocalInvocationIndex < 128) r[gl_LocalInvocationIndex] = lanes;
+  if (gl_LocalInvocationIndex == 0) { r[128] = gl_WorkGroupSize.x; r[129] = gl_NumSubgroups; }
+})", Words(1), 130, spec);
+  for (uint32_t i = 0; i < std::min(128u, localSize); i++) EXPECT_EQ(r[i], v13.maxSubgroupSize) << i;
+  EXPECT_EQ(r[128], localSize);
+  EXPECT_EQ(r[129], 4u);
+}
+
+TEST_P(ShaderFeatures, RobustImageAccess) {
+  PUMICE_NEED_FEATURE(device().vulkan13.robustImageAccess);
+  Workspace work(device());
+  ImageSpec imageSpec;
+  imageSpec.format = VK_FORMAT_R32_UINT;
+  imageSpec.extent = {5, 5, 1};
+  imageSpec.usage |= VK_IMAGE_USAGE_STORAGE_BIT;
+  Image image = work.image(imageSpec);
+  VkImageView view = work.view(image);
+  Buffer out = work.bufferOf(Words(64, 77), kStorage);
+  VkDescriptorSetLayout setLayout =
+      makeSetLayout(work, {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)});
+  VkPipelineLayout layout = makePipelineLayout(work, {setLayout});
+  VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 460
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(binding = 0, r32ui) uniform uimage2D image;
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  ivec2 at = ivec2(gl_LocalInvocationID.xy) - 2;
+  imageStore(image, at, uvec4(100 + gl_LocalInvocationIndex));
+  memoryBarrierImage(); barrier();
+  r[gl_LocalInvocationIndex] = imageLoad(image, at).x;
+}
+)"), layout);
+  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, 1}});
+  VkDescriptorSet set = makeSet(work, pool, setLayout);
+  VkDescriptorBufferInfo bufferInfo{out.handle, 0, VK_WHOLE_SIZE};
+  VkDescriptorImageInfo imageInfo{VK_NULL_HANDLE, view, VK_IMAGE_LAYOUT_GENERAL};
+  VkWriteDescriptorSet writes[2] = {writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &bufferInfo), writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, nullptr)};
+  writes[1].pImageInfo = &imageInfo;
+  vkUpdateDescriptorSets(device().handle, 2, writes, 0, nullptr);
+  toGeneral(work, image);
+  device().run([&](VkCommandBuffer commands) {
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+    vkCmdDispatch(commands, 1, 1, 1);
+    fullBarrier(commands);
+  });
+  Words expected;
+  for (uint32_t i = 0; i < 64; i++) {
+    uint32_t x = i % 8, y = i / 8;
+    expected.push_back(x >= 2 && x < 7 && y >= 2 && y < 7 ? 100 + i : 0);
+  }
+  expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), expected);
+}
+
+PUMICE_ON_BOTH_DEVICES(ShaderFeatures);
+
+}  // namespace
+}  // namespace pumice::cts
