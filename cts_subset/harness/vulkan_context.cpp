@@ -257,7 +257,6 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   info.ppEnabledExtensionNames = names.data();
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queueInfo;
-  info.pEnabledFeatures = &features;  // everything that the device has
   check(vkCreateDevice(physical, &info, nullptr, &handle), "vkCreateDevice");
   vkGetDeviceQueue(handle, family, 0, &queue);
 }
