@@ -53,18 +53,16 @@ StageExpander::Buffer StageExpander::descriptor(ir::Builder& b, uint32_t resourc
   return {base, size};
 }
 
-ImageState StageExpander::state(uint32_t resource, uint32_t element) const {
-  const auto index = uses_.find(resource, element);
-  return index && *index < images_.size() ? images_[*index] : ImageState{};
-}
-
-std::vector<uint32_t> StageExpander::elements(ir::Builder& b, uint32_t resource, Value element) const {
+std::vector<ImageState> StageExpander::states(ir::Builder& b, uint32_t resource, Value element) const {
   uint64_t index = 0;
-  if (!element || b.isConstant(element, &index)) return {uint32_t(index)};
-  std::vector<uint32_t> all;
-  for (const ImageUses::Use& u : uses_.uses())
-    if (u.resource == resource) all.push_back(u.element);
-  return all;
+  std::optional<uint32_t> use;
+  if (!element || b.isConstant(element, &index)) use = uses_.find(resource, uint32_t(index));
+  if (!use) use = uses_.find(resource, ImageUses::kIndexed);   // an index that has become constant only here, too
+  std::vector<ImageState> found;
+  for (const ImageState& s : images_)
+    if (use && s.use == *use) found.push_back(s);
+  if (found.empty()) found.emplace_back();
+  return found;
 }
 
 namespace {
@@ -107,35 +105,60 @@ texture::SamplerRef StageExpander::samplerRef(ir::Builder& b, uint32_t resource,
   return ref;
 }
 
+namespace {
+
+//! Lanes whose descriptor has these bytes `at` its start.
+Value sameBytes(ir::Builder& b, uint32_t table, uint32_t constOffset, Value dynamicOffset, const void* bytes, size_t size) {
+  Value same = 0;
+  for (size_t at = 0; at < size; at += 4) {
+    uint32_t word;
+    std::memcpy(&word, static_cast<const std::byte*>(bytes) + at, 4);
+    const Value m = b.ieq(b.tableLoad(Type::I32, table, constOffset + uint32_t(at), dynamicOffset), b.i32(word));
+    same = same ? b.maskAnd(same, m) : m;
+  }
+  return same;
+}
+
+}  // namespace
+
+Value StageExpander::inState(ir::Builder& b, uint32_t resource, Value element, const texture::ViewKey& key) {
+  const texture::ImageRef ref = imageRef(b, resource, element, {});
+  const Binding* binding = layout_.find(shader_.resources[resource].set, shader_.resources[resource].binding);
+  if (!binding) return b.mask(true);
+  if (binding->type == VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER || binding->type == VK_DESCRIPTOR_TYPE_STORAGE_TEXEL_BUFFER) {
+    const uint32_t format = key.format ? uint32_t(texture::allFormats()[key.format - 1].format) : 0;
+    return sameBytes(b, ref.table, ref.constOffset + offsetof(texture::BufferDescriptor, format), ref.dynamicOffset, &format, sizeof format);
+  }
+  return sameBytes(b, ref.table, ref.constOffset + offsetof(texture::ImageDescriptor, key), ref.dynamicOffset, &key, sizeof key);
+}
+
+Value StageExpander::inState(ir::Builder& b, uint32_t resource, Value element, const texture::SamplerKey& key) {
+  const texture::SamplerRef ref = samplerRef(b, resource, element, {});
+  return sameBytes(b, ref.table, ref.constOffset + offsetof(texture::SamplerDescriptor, key), ref.dynamicOffset, &key, sizeof key);
+}
+
 std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& op, std::span<const Value> given) {
   const std::vector<Value> operands(given.begin(), given.end());   // the span may point into the function that grows
   const bool sampled = op.kind == ir::ImageKind::Sample || op.kind == ir::ImageKind::Gather || op.kind == ir::ImageKind::QueryLod;
   const bool writes = op.kind == ir::ImageKind::Write || op.kind == ir::ImageKind::Atomic;
   const Value imageElement = operands[0], samplerElement = sampled ? operands[1] : 0;
 
-  // Which elements may be meant, grouped by what of their state selects code.
+  // The states that may be meant: each is code of its own.
   std::vector<Element> groups;
-  const auto put = [&](uint32_t imageIndex, uint32_t samplerIndex) {
+  const auto put = [&](const ImageState& image, const ImageState& sampler) {
     Element e;
-    e.image = state(op.imageResource, imageIndex);
-    e.image.sampler = {};
-    if (sampled) e.sampler = state(op.samplerResource, samplerIndex);
-    e.sampler.view = {};
-    for (Element& g : groups)
-      if (g.image == e.image && g.sampler == e.sampler) {
-        g.members.emplace_back(imageIndex, samplerIndex);
-        return;
-      }
-    e.members.emplace_back(imageIndex, samplerIndex);
-    groups.push_back(std::move(e));
+    e.image.view = image.view;
+    e.sampler.sampler = sampler.sampler;
+    if (std::find(groups.begin(), groups.end(), e) == groups.end()) groups.push_back(e);
   };
-  const std::vector<uint32_t> images = elements(b, op.imageResource, imageElement);
+  const std::vector<ImageState> images = states(b, op.imageResource, imageElement);
+  std::vector<ImageState> samplers;
   if (sampled && op.samplerResource == op.imageResource) {
-    for (uint32_t i : images) put(i, i);
+    for (const ImageState& i : images) put(i, i);
   } else {
-    const std::vector<uint32_t> samplers = sampled ? elements(b, op.samplerResource, samplerElement) : std::vector<uint32_t>{0};
-    for (uint32_t i : images)
-      for (uint32_t s : samplers) put(i, s);
+    samplers = sampled ? states(b, op.samplerResource, samplerElement) : std::vector<ImageState>(1);
+    for (const ImageState& i : images)
+      for (const ImageState& s : samplers) put(i, sampled ? s : ImageState{});
   }
 
   const auto expand = [&](const Element& g) {
@@ -161,13 +184,10 @@ std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& o
   struct Pending { Value mask; const Element* group; };
   std::vector<Pending> pending;
   for (const Element& g : groups) {
-    Value mask = b.mask(groups.size() == 1);
-    if (groups.size() > 1)
-      for (auto [i, s] : g.members) {
-        Value m = b.isConstant(imageElement) ? b.mask(true) : b.ieq(imageElement, b.i32(i));
-        if (sampled && samplerElement && !b.isConstant(samplerElement)) m = b.maskAnd(m, b.ieq(samplerElement, b.i32(s)));
-        mask = b.maskOr(mask, m);
-      }
+    Value mask = b.mask(true);
+    if (images.size() > 1) mask = b.maskAnd(mask, inState(b, op.imageResource, imageElement, g.image.view));
+    if (sampled && (samplers.size() > 1 || (samplers.empty() && images.size() > 1)))
+      mask = b.maskAnd(mask, inState(b, op.samplerResource, samplerElement, g.sampler.sampler));
     if (off) mask = b.maskAnd(mask, b.maskNot(off));
     pending.push_back({mask, &g});
   }

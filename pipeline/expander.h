@@ -44,12 +44,15 @@ class StageExpander : public ir::Expander {
  private:
   struct Element {          // one way to expand an image operation
     ImageState image, sampler;
-    std::vector<std::pair<uint32_t, uint32_t>> members;   // (image element, sampler element)
+    bool operator==(const Element&) const = default;
   };
   texture::ImageRef imageRef(ir::Builder& b, uint32_t resource, ir::Value element, const ImageState& state);
   texture::SamplerRef samplerRef(ir::Builder& b, uint32_t resource, ir::Value element, const ImageState& state);
-  ImageState state(uint32_t resource, uint32_t element) const;
-  std::vector<uint32_t> elements(ir::Builder& b, uint32_t resource, ir::Value element) const;
+  //! The states that the element's descriptor may be in.
+  std::vector<ImageState> states(ir::Builder& b, uint32_t resource, ir::Value element) const;
+  //! Lanes whose descriptor is in the state.
+  ir::Value inState(ir::Builder& b, uint32_t resource, ir::Value element, const texture::ViewKey& key);
+  ir::Value inState(ir::Builder& b, uint32_t resource, ir::Value element, const texture::SamplerKey& key);
 
   const ImageUses& uses_;
   std::span<const ImageState> images_;

@@ -10,9 +10,6 @@ using frontend::Shader;
 
 namespace {
 
-//! Elements of an array of images that is indexed dynamically: each is part of the key.
-constexpr uint32_t kMaxIndexedImages = 64;
-
 template <typename F>
 void forEach(const Shader& shader, ir::Op op, F&& f) {
   for (const ir::Inst& i : shader.function.insts)
@@ -141,49 +138,66 @@ base::Result<ImageUses> ImageUses::collect(const Shader& shader, const Layout& l
       const Binding* binding = layout.find(r.set, r.binding);
       if (!binding) return base::errorf("set %u binding %u is not in the pipeline layout", r.set, r.binding);
       const ir::Inst& index = f.insts[operands[part]];
-      if (index.op == ir::Op::Const) {
-        result.add(resource, uint32_t(index.imm));
-        continue;
-      }
-      if (binding->count > kMaxIndexedImages)
-        return base::errorf("set %u binding %u: dynamic indexing of %u images, at most %u are supported yet", r.set, r.binding,
-                            binding->count, kMaxIndexedImages);
-      for (uint32_t e = 0; e < binding->count; ++e) result.add(resource, e);
+      result.add(resource, index.op == ir::Op::Const ? uint32_t(index.imm) : kIndexed);
     }
   }
   return result;
 }
 
+namespace {
+
+//! State of one element; `bytes` is its descriptor or null.
+ImageState stateOf(const Binding& binding, uint32_t element, const std::byte* bytes) {
+  ImageState state;
+  if (bytes && hasImage(binding.type)) std::memcpy(&state.view, bytes + offsetof(texture::ImageDescriptor, key), sizeof state.view);
+  if (bytes && isTexelBuffer(binding.type)) {
+    uint32_t format;
+    std::memcpy(&format, bytes + offsetof(texture::BufferDescriptor, format), sizeof format);
+    state.view.format = formatNumber(VkFormat(format));
+  }
+  if (!hasSampler(binding.type)) return state;
+  if (element < binding.immutableSamplers.size())
+    state.sampler = binding.immutableSamplers[element].key;
+  else if (bytes)
+    std::memcpy(&state.sampler, bytes + samplerOffset(binding.type) + offsetof(texture::SamplerDescriptor, key), sizeof state.sampler);
+  return state;
+}
+
+}  // namespace
+
 std::vector<ImageState> ImageUses::read(const Shader& shader, const Layout& layout, const std::byte* const* setMemory,
                                         const uint64_t* setSize) const {
-  std::vector<ImageState> states(uses_.size());
-  for (size_t i = 0; i < uses_.size(); ++i) {
+  std::vector<ImageState> states;
+  states.reserve(uses_.size());
+  for (uint32_t i = 0; i < uses_.size(); ++i) {
     const frontend::Resource& r = shader.resources[uses_[i].resource];
-    const uint32_t element = uses_[i].element;
     const Binding* binding = layout.find(r.set, r.binding);
-    if (!binding || element >= binding->count) continue;
-    const uint64_t offset = binding->offset + uint64_t(element) * binding->stride;
-    const bool present = setMemory[r.set] && offset + binding->stride <= setSize[r.set];
-    const std::byte* bytes = present ? setMemory[r.set] + offset : nullptr;
-    if (bytes && hasImage(binding->type)) std::memcpy(&states[i].view, bytes + offsetof(texture::ImageDescriptor, key), sizeof states[i].view);
-    if (bytes && isTexelBuffer(binding->type)) {
-      uint32_t format;
-      std::memcpy(&format, bytes + offsetof(texture::BufferDescriptor, format), sizeof format);
-      states[i].view.format = formatNumber(VkFormat(format));
+    const size_t first = states.size();
+    const auto put = [&](uint32_t element) {
+      const uint64_t offset = binding->offset + uint64_t(element) * binding->stride;
+      const bool present = setMemory[r.set] && offset + binding->stride <= setSize[r.set];
+      ImageState state = stateOf(*binding, element, present ? setMemory[r.set] + offset : nullptr);
+      state.use = i;
+      // Neighbours are mostly alike: the latest first.
+      for (size_t k = states.size(); k-- > first;)
+        if (states[k] == state) return present;
+      states.push_back(state);
+      return present;
+    };
+    if (uses_[i].element != kIndexed) {
+      if (binding && uses_[i].element < binding->count) put(uses_[i].element);
+    } else if (binding) {
+      for (uint32_t e = 0; e < binding->count && put(e); ++e) {}
     }
-    if (!hasSampler(binding->type)) continue;
-    if (element < binding->immutableSamplers.size())
-      states[i].sampler = binding->immutableSamplers[element].key;
-    else if (bytes)
-      std::memcpy(&states[i].sampler, bytes + samplerOffset(binding->type) + offsetof(texture::SamplerDescriptor, key),
-                  sizeof states[i].sampler);
+    if (states.size() == first) states.push_back({i, {}, {}});
   }
   return states;
 }
 
 std::vector<ImageState> ImageUses::plausible(const Shader& shader, const Layout& layout) const {
   std::vector<ImageState> states(uses_.size());
-  for (size_t i = 0; i < uses_.size(); ++i) {
+  for (uint32_t i = 0; i < uses_.size(); ++i) {
+    states[i].use = i;
     const frontend::Resource& r = shader.resources[uses_[i].resource];
     const Binding* binding = layout.find(r.set, r.binding);
     if (!binding) continue;

@@ -46,11 +46,12 @@ std::vector<uint64_t> writtenOutputs(const frontend::Shader& shader);
 //! Image and sampler descriptors that a shader uses: the order of ImageState in keys.
 class ImageUses {
  public:
+  static constexpr uint32_t kIndexed = ~0u;   //!< any element: the index is dynamic
   struct Use { uint32_t resource, element; };
   static base::Result<ImageUses> collect(const frontend::Shader& shader, const Layout& layout);
   std::span<const Use> uses() const { return uses_; }
   std::optional<uint32_t> find(uint32_t resource, uint32_t element) const;
-  //! The states of the descriptors now in memory.
+  //! The states of the descriptors now in memory, in the order of uses; at least one for each.
   std::vector<ImageState> read(const frontend::Shader& shader, const Layout& layout, const std::byte* const* setMemory,
                                const uint64_t* setSize) const;
   //! States as a common program would have them, for trying a routine before any draw.

@@ -7,8 +7,10 @@
 
 namespace pumice::pipeline {
 
-//! View and sampler state of one statically used image descriptor: part of every key whose shader uses it.
+//! View and sampler state of an image descriptor that a shader uses: part of the routine's key. A use with a constant index
+//! has one; one with a dynamic index has one for each state that the array's descriptors are in.
 struct ImageState {
+  uint32_t use = 0;           //!< index in ImageUses::uses()
   texture::ViewKey view;
   texture::SamplerKey sampler;
   bool operator==(const ImageState&) const = default;

@@ -3,6 +3,7 @@
 #include <glslang/Public/ResourceLimits.h>
 #include <glslang/Public/ShaderLang.h>
 #include <glslang/SPIRV/GlslangToSpv.h>
+#include <spirv-tools/libspirv.h>
 
 #include <map>
 #include <mutex>
@@ -54,6 +55,21 @@ const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std:
   auto found = known.find(key);
   if (found == known.end()) found = known.emplace(key, compile(stage, source, target)).first;
   return found->second;
+}
+
+std::vector<uint32_t> assemble(const std::string& text) {
+  spv_context context = spvContextCreate(SPV_ENV_VULKAN_1_3);
+  spv_binary binary = nullptr;
+  spv_diagnostic diagnostic = nullptr;
+  spv_result_t result = spvTextToBinary(context, text.data(), text.size(), &binary, &diagnostic);
+  std::vector<uint32_t> words;
+  if (result == SPV_SUCCESS) words.assign(binary->code, binary->code + binary->wordCount);
+  std::string problem = diagnostic ? "line " + std::to_string(diagnostic->position.line + 1) + ": " + diagnostic->error : "";
+  spvDiagnosticDestroy(diagnostic);
+  spvBinaryDestroy(binary);
+  spvContextDestroy(context);
+  if (result != SPV_SUCCESS) throw std::runtime_error("SPIR-V assembly, " + problem);
+  return words;
 }
 
 }  // namespace pumice::cts

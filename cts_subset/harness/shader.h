@@ -16,4 +16,7 @@ enum class ShaderTarget { kVulkan10, kVulkan13 };  // SPIR-V 1.0 and 1.6
 const std::vector<uint32_t>& compileGlsl(VkShaderStageFlagBits stage, const std::string& source,
                                          ShaderTarget target = ShaderTarget::kVulkan10);
 
+// SPIR-V from its assembly (version 1.6). Throws std::runtime_error with the assembler's complaint.
+std::vector<uint32_t> assemble(const std::string& text);
+
 }  // namespace pumice::cts

@@ -474,6 +474,259 @@ void main() {
   expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), expected);
 }
 
+// What GLSL cannot say: pointers that differ from lane to lane, into two buffers and into work-group memory.
+TEST_P(ShaderFeatures, VariablePointers) {
+  PUMICE_NEED_FEATURE(device().vulkan11.variablePointers);
+  Words in(128);
+  std::iota(in.begin(), in.end(), 1000u);
+  std::vector<uint32_t> spirv = assemble(R"(
+OpCapability Shader
+OpCapability VariablePointers
+OpMemoryModel Logical GLSL450
+OpEntryPoint GLCompute %main "main" %id %in %out %shared
+OpExecutionMode %main LocalSize 64 1 1
+OpDecorate %id BuiltIn LocalInvocationId
+OpDecorate %array ArrayStride 4
+OpDecorate %block Block
+OpMemberDecorate %block 0 Offset 0
+OpDecorate %in DescriptorSet 0
+OpDecorate %in Binding 0
+OpDecorate %out DescriptorSet 0
+OpDecorate %out Binding 1
+OpDecorate %element ArrayStride 4
+%void = OpTypeVoid
+%fn = OpTypeFunction %void
+%bool = OpTypeBool
+%uint = OpTypeInt 32 0
+%v3 = OpTypeVector %uint 3
+%idp = OpTypePointer Input %v3
+%uintin = OpTypePointer Input %uint
+%array = OpTypeRuntimeArray %uint
+%block = OpTypeStruct %array
+%blockp = OpTypePointer StorageBuffer %block
+%element = OpTypePointer StorageBuffer %uint
+%n64 = OpConstant %uint 64
+%sarray = OpTypeArray %uint %n64
+%sarrayp = OpTypePointer Workgroup %sarray
+%selement = OpTypePointer Workgroup %uint
+%id = OpVariable %idp Input
+%in = OpVariable %blockp StorageBuffer
+%out = OpVariable %blockp StorageBuffer
+%shared = OpVariable %sarrayp Workgroup
+%0 = OpConstant %uint 0
+%1 = OpConstant %uint 1
+%2 = OpConstant %uint 2
+%3 = OpConstant %uint 3
+%63 = OpConstant %uint 63
+%264 = OpConstant %uint 264
+%main = OpFunction %void None %fn
+%entry = OpLabel
+%idx = OpAccessChain %uintin %id %0
+%i = OpLoad %uint %idx
+%mine = OpAccessChain %selement %shared %i
+%tripled = OpIMul %uint %i %3
+OpStore %mine %tripled
+OpControlBarrier %2 %2 %264
+%back = OpISub %uint %63 %i
+%a = OpAccessChain %element %in %0 %back
+%b = OpAccessChain %element %out %0 %i
+%bit = OpBitwiseAnd %uint %i %1
+%odd = OpIEqual %bool %bit %1
+%p = OpSelect %element %odd %a %b
+%q = OpPtrAccessChain %element %p %0
+%v = OpLoad %uint %q
+%sa = OpAccessChain %selement %shared %back
+%sb = OpAccessChain %selement %shared %0
+%sp = OpSelect %selement %odd %sa %sb
+%sv = OpLoad %uint %sp
+%sum = OpIAdd %uint %v %sv
+%place = OpIAdd %uint %i %n64
+%target = OpAccessChain %element %out %0 %place
+OpStore %target %sum
+OpReturn
+OpFunctionEnd
+)");
+  Words r = runCompute(device(), spirv, in, 128);
+  Words expected;
+  for (uint32_t i = 0; i < 64; i++) expected.push_back(i % 2 ? 1000 + 63 - i + 3 * (63 - i) : 0xcdcdcdcd);
+  expect(Words(r.begin() + 64, r.end()), expected);
+}
+
+TEST_P(ShaderFeatures, IntegerDotProduct) {
+  PUMICE_NEED_FEATURE(device().vulkan13.shaderIntegerDotProduct && device().vulkan12.shaderInt8);
+  Words in = {0x80ff7f01, 0x02037ffe, 0x7fffffff, 0xffffffff};
+  Words r = runCompute(device(), assemble(R"(
+OpCapability Shader
+OpCapability Int8
+OpCapability DotProduct
+OpCapability DotProductInput4x8Bit
+OpCapability DotProductInput4x8BitPacked
+OpExtension "SPV_KHR_integer_dot_product"
+OpMemoryModel Logical GLSL450
+OpEntryPoint GLCompute %main "main" %in %out
+OpExecutionMode %main LocalSize 1 1 1
+OpDecorate %array ArrayStride 4
+OpDecorate %block Block
+OpMemberDecorate %block 0 Offset 0
+OpDecorate %in DescriptorSet 0
+OpDecorate %in Binding 0
+OpDecorate %out DescriptorSet 0
+OpDecorate %out Binding 1
+%void = OpTypeVoid
+%fn = OpTypeFunction %void
+%uint = OpTypeInt 32 0
+%int = OpTypeInt 32 1
+%char = OpTypeInt 8 1
+%c4 = OpTypeVector %char 4
+%array = OpTypeRuntimeArray %uint
+%block = OpTypeStruct %array
+%blockp = OpTypePointer StorageBuffer %block
+%element = OpTypePointer StorageBuffer %uint
+%in = OpVariable %blockp StorageBuffer
+%out = OpVariable %blockp StorageBuffer
+%0 = OpConstant %uint 0
+%1 = OpConstant %uint 1
+%2 = OpConstant %uint 2
+%3 = OpConstant %uint 3
+%4 = OpConstant %uint 4
+%main = OpFunction %void None %fn
+%entry = OpLabel
+%pa = OpAccessChain %element %in %0 %0
+%a = OpLoad %uint %pa
+%pb = OpAccessChain %element %in %0 %1
+%b = OpLoad %uint %pb
+%pc = OpAccessChain %element %in %0 %2
+%c = OpLoad %uint %pc
+%pd = OpAccessChain %element %in %0 %3
+%d = OpLoad %uint %pd
+%s = OpSDot %int %a %b PackedVectorFormat4x8Bit
+%su = OpBitcast %uint %s
+%o0 = OpAccessChain %element %out %0 %0
+OpStore %o0 %su
+%u = OpUDot %uint %a %b PackedVectorFormat4x8Bit
+%o1 = OpAccessChain %element %out %0 %1
+OpStore %o1 %u
+%va = OpBitcast %c4 %a
+%vb = OpBitcast %c4 %b
+%m = OpSUDot %int %va %vb
+%mu = OpBitcast %uint %m
+%o2 = OpAccessChain %element %out %0 %2
+OpStore %o2 %mu
+%big = OpBitcast %int %c
+%t = OpSDotAccSat %int %a %a %big PackedVectorFormat4x8Bit
+%tu = OpBitcast %uint %t
+%o3 = OpAccessChain %element %out %0 %3
+OpStore %o3 %tu
+%us = OpUDotAccSat %uint %a %b %d PackedVectorFormat4x8Bit
+%o4 = OpAccessChain %element %out %0 %4
+OpStore %o4 %us
+OpReturn
+OpFunctionEnd
+)"), in, 5);
+  int32_t sdot = 0, sudot = 0;
+  uint32_t udot = 0;
+  for (int i = 0; i < 4; i++) {
+    uint8_t a = uint8_t(in[0] >> 8 * i), b = uint8_t(in[1] >> 8 * i);
+    sdot += int8_t(a) * int8_t(b), udot += a * b, sudot += int8_t(a) * b;
+  }
+  expect(r, Words{uint32_t(sdot), udot, uint32_t(sudot), 0x7fffffff, 0xffffffff});
+}
+
+// Arrays indexed differently by neighbours, with descriptors of different formats, holes, a variable count, written after
+// the set was bound.
+TEST_P(ShaderFeatures, DescriptorIndexing) {
+  const auto& f = device().vulkan12;
+  PUMICE_NEED_FEATURE(f.descriptorIndexing && f.descriptorBindingVariableDescriptorCount && f.descriptorBindingPartiallyBound && f.runtimeDescriptorArray &&
+                      f.shaderStorageBufferArrayNonUniformIndexing && f.shaderUniformTexelBufferArrayNonUniformIndexing &&
+                      f.shaderSampledImageArrayNonUniformIndexing && f.descriptorBindingSampledImageUpdateAfterBind);
+  constexpr uint32_t kBuffers = 40, kImages = 150, kMost = 400;
+  Workspace work(device());
+  VkDevice d = device().handle;
+  std::vector<VkDescriptorSetLayoutBinding> bindings = {
+      computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, kBuffers),
+      computeBinding(2, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, kBuffers), computeBinding(3, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, kMost)};
+  constexpr VkDescriptorBindingFlags kFlags = VK_DESCRIPTOR_BINDING_UPDATE_AFTER_BIND_BIT | VK_DESCRIPTOR_BINDING_PARTIALLY_BOUND_BIT;
+  const VkDescriptorBindingFlags flags[4] = {kFlags, kFlags, kFlags, kFlags | VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT};
+  VkDescriptorSetLayoutBindingFlagsCreateInfo flagsInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_BINDING_FLAGS_CREATE_INFO, nullptr, 4, flags};
+  VkDescriptorSetLayout setLayout = makeSetLayout(work, bindings, VK_DESCRIPTOR_SET_LAYOUT_CREATE_UPDATE_AFTER_BIND_POOL_BIT, &flagsInfo);
+  VkPipelineLayout layout = makePipelineLayout(work, {setLayout});
+  VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 460
+#extension GL_EXT_nonuniform_qualifier : require
+#extension GL_EXT_samplerless_texture_functions : require
+layout(local_size_x = 64) in;
+layout(binding = 0) buffer Out { uint r[]; };
+layout(binding = 1) readonly buffer B { uint v; } buffers[];
+layout(binding = 2) uniform utextureBuffer texels[40];
+layout(binding = 3) uniform utexture2D images[];
+void main() {
+  uint i = gl_LocalInvocationIndex, k = (i * 7) % 150;
+  if (k % 5 == 0) k++;
+  r[i] = buffers[nonuniformEXT((i * 7) % 40)].v + texelFetch(texels[nonuniformEXT(i % 40)], 1).x * 1000 +
+         texelFetch(images[nonuniformEXT(k)], ivec2(1, 2), 0).x * 1000000;
+}
+)", ShaderTarget::kVulkan13), layout);
+  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1 + kBuffers}, {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, kBuffers}, {VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, kImages}},
+                                   1, VK_DESCRIPTOR_POOL_CREATE_UPDATE_AFTER_BIND_BIT);
+  VkDescriptorSetVariableDescriptorCountAllocateInfo count{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_VARIABLE_DESCRIPTOR_COUNT_ALLOCATE_INFO, nullptr, 1, &kImages};
+  VkDescriptorSet set = makeSet(work, pool, setLayout, &count);
+
+  Buffer out = work.bufferOf(Words(64, 0), kStorage);
+  std::vector<VkDescriptorBufferInfo> bufferInfos;
+  std::vector<VkBufferView> views;
+  for (uint32_t k = 0; k < kBuffers; k++) {
+    bufferInfos.push_back({work.bufferOf(Words{k}, kStorage).handle, 0, VK_WHOLE_SIZE});
+    // Two formats: 32 bits, and 16 bits with the second texel in the high half.
+    Buffer texels = work.bufferOf(k % 2 ? Words{k << 16, 9} : Words{77, k}, VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT);
+    VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO, nullptr, 0, texels.handle, k % 2 ? VK_FORMAT_R16_UINT : VK_FORMAT_R32_UINT, 0, VK_WHOLE_SIZE};
+    VkBufferView view = VK_NULL_HANDLE;
+    check(vkCreateBufferView(d, &info, nullptr, &view), "vkCreateBufferView");
+    work.onDestroy([=] { vkDestroyBufferView(d, view, nullptr); });
+    views.push_back(view);
+  }
+  std::vector<Image> images;
+  std::vector<VkDescriptorImageInfo> imageInfos;
+  for (uint32_t k = 0; k < kImages; k++) {
+    ImageSpec spec;
+    spec.format = k % 2 ? VK_FORMAT_R8_UINT : VK_FORMAT_R32_UINT;
+    spec.extent = {4, 4, 1};
+    spec.usage |= VK_IMAGE_USAGE_SAMPLED_BIT;
+    images.push_back(work.image(spec));
+    imageInfos.push_back({VK_NULL_HANDLE, work.view(images.back()), VK_IMAGE_LAYOUT_GENERAL});
+  }
+  VkDescriptorBufferInfo outInfo{out.handle, 0, VK_WHOLE_SIZE};
+  device().run([&](VkCommandBuffer commands) {
+    for (uint32_t k = 0; k < kImages; k++) {
+      transition(commands, images[k], VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_GENERAL);
+      VkClearColorValue value{};
+      value.uint32[0] = k;
+      VkImageSubresourceRange range{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+      vkCmdClearColorImage(commands, images[k].handle, VK_IMAGE_LAYOUT_GENERAL, &value, 1, &range);
+    }
+    fullBarrier(commands);
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+    vkCmdDispatch(commands, 1, 1, 1);
+    fullBarrier(commands);
+    std::vector<VkWriteDescriptorSet> writes = {writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &outInfo),
+                                                writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, bufferInfos.data(), 0, kBuffers),
+                                                writeBuffer(set, 2, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, nullptr, 0, kBuffers)};
+    writes[2].pTexelBufferView = views.data();
+    for (uint32_t k = 0; k < kImages; k++) {
+      if (k % 5 == 0) continue;
+      writes.push_back(writeBuffer(set, 3, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, nullptr, k));
+      writes.back().pImageInfo = &imageInfos[k];
+    }
+    vkUpdateDescriptorSets(d, uint32_t(writes.size()), writes.data(), 0, nullptr);
+  });
+  Words expected;
+  for (uint32_t i = 0; i < 64; i++) {
+    uint32_t k = i * 7 % 150;
+    if (k % 5 == 0) k++;
+    expected.push_back(i * 7 % 40 + i % 40 * 1000 + k * 1000000);
+  }
+  expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), expected);
+}
+
 PUMICE_ON_BOTH_DEVICES(ShaderFeatures);
 
 }  // namespace
