@@ -1,0 +1,375 @@
+// Arithmetic, comparisons, masks, selects.
+#include <array>
+#include <bit>
+
+#include "spirv_interp/jit/emitter.h"
+
+namespace pumice::jit {
+namespace {
+
+namespace I = x86::Inst;
+
+//! Operations that are one instruction.
+struct Simple {
+  InstId id = 0;
+  bool commutes = false;
+  uint32_t imm = ~0u;      //!< vround's
+};
+struct SimpleRow {
+  Op op;
+  Type type;
+  Simple simple;
+};
+// Rounding: bit 3 suppresses the inexact exception.
+constexpr SimpleRow kSimple[] = {
+    {Op::FAdd, Type::F32, {I::kIdVaddps, true}},      {Op::FAdd, Type::F64, {I::kIdVaddpd, true}},
+    {Op::FSub, Type::F32, {I::kIdVsubps}},            {Op::FSub, Type::F64, {I::kIdVsubpd}},
+    {Op::FMul, Type::F32, {I::kIdVmulps, true}},      {Op::FMul, Type::F64, {I::kIdVmulpd, true}},
+    {Op::FDiv, Type::F32, {I::kIdVdivps}},            {Op::FDiv, Type::F64, {I::kIdVdivpd}},
+    {Op::FSqrt, Type::F32, {I::kIdVsqrtps}},          {Op::FSqrt, Type::F64, {I::kIdVsqrtpd}},
+    {Op::FRoundEven, Type::F32, {I::kIdVroundps, false, 8}},  {Op::FRoundEven, Type::F64, {I::kIdVroundpd, false, 8}},
+    {Op::FFloor, Type::F32, {I::kIdVroundps, false, 9}},      {Op::FFloor, Type::F64, {I::kIdVroundpd, false, 9}},
+    {Op::FCeil, Type::F32, {I::kIdVroundps, false, 10}},      {Op::FCeil, Type::F64, {I::kIdVroundpd, false, 10}},
+    {Op::FTrunc, Type::F32, {I::kIdVroundps, false, 11}},     {Op::FTrunc, Type::F64, {I::kIdVroundpd, false, 11}},
+    {Op::IAdd, Type::I32, {I::kIdVpaddd, true}},      {Op::IAdd, Type::I64, {I::kIdVpaddq, true}},
+    {Op::ISub, Type::I32, {I::kIdVpsubd}},            {Op::ISub, Type::I64, {I::kIdVpsubq}},
+    {Op::IMul, Type::I32, {I::kIdVpmulld, true}},
+    {Op::And, Type::I32, {I::kIdVpand, true}},        {Op::And, Type::I64, {I::kIdVpand, true}},
+    {Op::And, Type::I16, {I::kIdVpand, true}},        {Op::And, Type::I8, {I::kIdVpand, true}},
+    {Op::Or, Type::I32, {I::kIdVpor, true}},          {Op::Or, Type::I64, {I::kIdVpor, true}},
+    {Op::Or, Type::I16, {I::kIdVpor, true}},          {Op::Or, Type::I8, {I::kIdVpor, true}},
+    {Op::Xor, Type::I32, {I::kIdVpxor, true}},        {Op::Xor, Type::I64, {I::kIdVpxor, true}},
+    {Op::Xor, Type::I16, {I::kIdVpxor, true}},        {Op::Xor, Type::I8, {I::kIdVpxor, true}},
+    {Op::SMin, Type::I32, {I::kIdVpminsd, true}},     {Op::SMax, Type::I32, {I::kIdVpmaxsd, true}},
+    {Op::UMin, Type::I32, {I::kIdVpminud, true}},     {Op::UMax, Type::I32, {I::kIdVpmaxud, true}},
+    {Op::UMin, Type::I16, {I::kIdVpminud, true}},     {Op::UMax, Type::I16, {I::kIdVpmaxud, true}},
+    {Op::UMin, Type::I8, {I::kIdVpminud, true}},      {Op::UMax, Type::I8, {I::kIdVpmaxud, true}},
+    {Op::MaskAnd, Type::Mask, {I::kIdVandps, true}},  {Op::MaskOr, Type::Mask, {I::kIdVorps, true}},
+    {Op::MaskXor, Type::Mask, {I::kIdVxorps, true}},
+};
+constexpr size_t kTypes = size_t(Type::Tuple) + 1;
+using SimpleTable = std::array<std::array<Simple, kTypes>, size_t(Op::kCount)>;
+constexpr SimpleTable makeTable() {
+  SimpleTable t{};
+  for (const SimpleRow& r : kSimple) t[size_t(r.op)][size_t(r.type)] = r.simple;
+  return t;
+}
+constexpr SimpleTable kTable = makeTable();
+
+constexpr uint32_t kEq = 0, kUnordered = 3, kNeqUnordered = 4, kLt = 17, kLe = 18;
+
+bool isZero(Type t, uint64_t bits) { return (t == Type::F64 ? bits << 1 : bits << 33) == 0; }
+bool isNan(Type t, uint64_t bits) {
+  return t == Type::F64 ? (bits & ~(uint64_t(1) << 63)) > 0x7ff0000000000000u : (bits & 0x7fffffffu) > 0x7f800000u;
+}
+
+}  // namespace
+
+bool Emitter::alu(Value v) {
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  if (i.type != Type::None) {
+    const Simple& s = kTable[size_t(i.op)][size_t(i.type)];
+    if (s.id) {
+      for (uint32_t part = 0; part < partsOf(i.type); part++) {
+        const Ymm d = target(v, part);
+        if (o.size() == 2) bin(s.id, d, source(o[0], part), source(o[1], part), s.commutes);
+        else if (s.imm != ~0u) a_.emit(s.id, d, source(o[0], part).op(), asmjit::imm(s.imm));
+        else a_.emit(s.id, d, source(o[0], part).op());
+        finish(v, part, d);
+      }
+      return true;
+    }
+  }
+  switch (i.op) {
+    case Op::FMin:
+    case Op::FMax: floatMinMax(v); return true;
+    case Op::FNeg:
+    case Op::FAbs:
+    case Op::Not:
+    case Op::MaskNot: negate(v); return true;
+    case Op::Fma: fma(v); return true;
+    case Op::FEq:
+    case Op::FNe:
+    case Op::FLt:
+    case Op::FLe:
+    case Op::IEq:
+    case Op::INe:
+    case Op::SLt:
+    case Op::SLe:
+    case Op::ULt:
+    case Op::ULe: compare(v); return true;
+    case Op::Select: select(v); return true;
+    case Op::Shl:
+    case Op::LShr:
+    case Op::AShr:
+      if (i.type != Type::I32 && i.type != Type::I64) return false;
+      if (i.type == Type::I64 && i.op == Op::AShr) return false;
+      shift(v);
+      return true;
+    case Op::IAdd:
+    case Op::ISub:
+    case Op::IMul: {
+      if (i.type != Type::I8 && i.type != Type::I16) return false;
+      const InstId id = i.op == Op::IAdd ? I::kIdVpaddd : i.op == Op::ISub ? I::kIdVpsubd : I::kIdVpmulld;
+      const x86::Mem keep = pool32(i.type == Type::I8 ? 0xff : 0xffff);
+      for (uint32_t part = 0; part < partsOf(i.type); part++) {
+        const Ymm d = target(v, part);
+        bin(id, d, source(o[0], part), source(o[1], part), i.op != Op::ISub);
+        a_.vpand(d, d, keep);
+        finish(v, part, d);
+      }
+      return true;
+    }
+    case Op::SMulHi:
+    case Op::UMulHi: return i.type == Type::I32 && multiplyHigh(v);
+    case Op::ExecMask: {
+      if (preamble_) return false;
+      for (uint32_t part = 0; part < p_.unroll; part++) {
+        const Ymm d = target(v, part);
+        move(d, vregSource(p_.regions[region_].mask, part));
+        finish(v, part, d);
+      }
+      return true;
+    }
+    case Op::VarSet: varSet(v); return true;
+    case Op::VarGet:
+      if (p_.a.aliasesVar[v]) return true;
+      for (uint32_t part = 0; part < partsOf(i.type); part++) {
+        const Ymm d = target(v, part);
+        move(d, source(o[0], part));
+        finish(v, part, d);
+      }
+      return true;
+    default: return false;
+  }
+}
+
+//! The smaller; of equals (zeros) the union of the signs; of a NaN and a number the number. The instruction gives its
+//! second operand for NaNs and equals, which is right for most constants in second place.
+void Emitter::floatMinMax(Value v) {
+  const Inst& i = f_.insts[v];
+  const bool wide = i.type == Type::F64, least = i.op == Op::FMin;
+  Value a = f_.operands(v)[0], b = f_.operands(v)[1];
+  const InstId pick = least ? (wide ? I::kIdVminpd : I::kIdVminps) : wide ? I::kIdVmaxpd : I::kIdVmaxps;
+  const InstId merge = least ? I::kIdVorps : I::kIdVandps;
+  const InstId test = wide ? I::kIdVcmppd : I::kIdVcmpps;
+  if (isConst(a) && !isConst(b)) std::swap(a, b);   // NaNs apart (and those are equally good), both orders give the same
+  const uint64_t bits = f_.insts[b].imm;
+  const bool number = isConst(b) && !isNan(i.type, bits);
+  // A zero must be the one that wins among zeros.
+  const bool negative = bits >> (wide ? 63 : 31) & 1;
+  const bool direct = number && (!isZero(i.type, bits) || negative == least);
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Source x = source(a, part), y = source(b, part);
+    const Ymm d = target(v, part);
+    if (direct) {
+      bin(pick, d, x, y);
+    } else {
+      bin(pick, t1(), x, y);
+      bin(merge, t2(), x, y, true);
+      cmp(test, t0(), x, y, kEq);
+      if (number) {
+        blend(d, reg(t1()), reg(t2()), t0());
+      } else {
+        blend(t1(), reg(t1()), reg(t2()), t0());
+        cmp(test, t0(), y, y, kUnordered);
+        blend(d, reg(t1()), x, t0());
+      }
+    }
+    finish(v, part, d);
+  }
+}
+
+void Emitter::negate(Value v) {
+  const Inst& i = f_.insts[v];
+  const Value o = f_.operands(v)[0];
+  x86::Mem constant;
+  InstId id = I::kIdVxorps;
+  switch (i.op) {
+    case Op::FNeg: constant = i.type == Type::F64 ? pool64(uint64_t(1) << 63) : pool32(i.type == Type::F16 ? 0x8000 : 0x80000000u); break;
+    case Op::FAbs:
+      constant = i.type == Type::F64 ? pool64(~(uint64_t(1) << 63)) : pool32(i.type == Type::F16 ? 0x7fff : 0x7fffffff);
+      id = I::kIdVandps;
+      break;
+    default: constant = pool32(i.type == Type::I8 ? 0xff : i.type == Type::I16 ? 0xffff : ~0u);
+  }
+  const bool looks = ir::isFloat(i.type) && p_.a.exposed[v];
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Source s = looks ? settled(o, part, t0()) : source(o, part);
+    const Ymm d = target(v, part);
+    bin(id, d, s, mem(constant));
+    finish(v, part, d);
+  }
+}
+
+void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide) {
+  const InstId f132 = wide ? I::kIdVfmadd132pd : I::kIdVfmadd132ps, f213 = wide ? I::kIdVfmadd213pd : I::kIdVfmadd213ps,
+               f231 = wide ? I::kIdVfmadd231pd : I::kIdVfmadd231ps;
+  const auto is = [&](const Source& s) { return s.isReg && s.reg.id() == d.id(); };
+  const auto inReg = [&](const Source& s, Ymm scratch) {
+    if (s.isReg) return s.reg;
+    a_.vmovaps(scratch, s.mem);
+    return scratch;
+  };
+  // 213: d = d * 2nd + 3rd, 132: d = d * 3rd + 2nd, 231: d = d + 2nd * 3rd; the 3rd may be in memory.
+  if (is(a) || is(b)) {
+    const Source& other = is(a) ? b : a;
+    if (other.isReg) a_.emit(f213, d, other.reg, c.op());
+    else a_.emit(f132, d, inReg(c, t0()), other.op());
+  } else if (is(c)) {
+    if (a.isReg) a_.emit(f231, d, a.reg, b.op());
+    else if (b.isReg) a_.emit(f231, d, b.reg, a.op());
+    else a_.emit(f231, d, inReg(a, t0()), b.op());
+  } else if (a.isReg || b.isReg) {
+    move(d, c);
+    if (a.isReg) a_.emit(f231, d, a.reg, b.op());
+    else a_.emit(f231, d, b.reg, a.op());
+  } else {
+    move(d, a);
+    if (c.isReg) a_.emit(f132, d, c.reg, b.op());
+    else a_.emit(f213, d, inReg(b, t0()), c.op());
+  }
+}
+
+void Emitter::fma(Value v) {
+  const auto o = f_.operands(v);
+  const Type t = f_.type(v);
+  for (uint32_t part = 0; part < partsOf(t); part++) {
+    const Ymm d = target(v, part);
+    mul(d, source(o[0], part), source(o[1], part), source(o[2], part), t == Type::F64);
+    finish(v, part, d);
+  }
+}
+
+void Emitter::compare(Value v) {
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  const Type t = f_.type(o[0]);
+  const bool wide = ir::typeBytes(t) == 8;
+  //! One vector of it in d (t0 .. t2 or the target).
+  const auto one = [&](Ymm d, uint32_t part) {
+    const Source a = source(o[0], part), b = source(o[1], part);
+    const InstId test = wide ? I::kIdVcmppd : I::kIdVcmpps;
+    bool invert = false;
+    switch (i.op) {
+      case Op::FEq: return cmp(test, d, a, b, kEq);
+      case Op::FNe: return cmp(test, d, a, b, kNeqUnordered);
+      case Op::FLt: return cmp(test, d, a, b, kLt);
+      case Op::FLe: return cmp(test, d, a, b, kLe);
+      case Op::IEq:
+      case Op::INe:
+        bin(wide ? I::kIdVpcmpeqq : I::kIdVpcmpeqd, d, a, b, true);
+        invert = i.op == Op::INe;
+        break;
+      case Op::ULt:
+      case Op::ULe:
+        if (!wide) {
+          // a <= b: the smaller is a; a < b: not (b <= a).
+          const Source& least = i.op == Op::ULe ? a : b;
+          bin(I::kIdVpminud, t1(), a, b, true);
+          bin(I::kIdVpcmpeqd, d, reg(t1()), least, true);
+          invert = i.op == Op::ULt;
+          break;
+        }
+        [[fallthrough]];
+      default: {
+        const bool orEqual = i.op == Op::SLe || i.op == Op::ULe;   // not (a > b); a < b: b > a
+        const Source &x = orEqual ? a : b, &y = orEqual ? b : a;
+        const uint64_t sign = t == Type::I8 ? 0x80 : t == Type::I16 ? 0x8000 : 0;
+        if (i.op == Op::ULt || i.op == Op::ULe || sign) {
+          // Another order: the sign bit turned over.
+          const x86::Mem flip = wide ? pool64(uint64_t(1) << 63) : pool32(uint32_t(sign));
+          move(t1(), x);
+          a_.vpxor(t1(), t1(), flip);
+          move(t0(), y);
+          a_.vpxor(t0(), t0(), flip);
+          a_.emit(wide ? I::kIdVpcmpgtq : I::kIdVpcmpgtd, d, t1(), t0());
+        } else {
+          bin(wide ? I::kIdVpcmpgtq : I::kIdVpcmpgtd, d, x, y);
+        }
+        invert = orEqual;
+      }
+    }
+    if (invert) a_.vpxor(d, d, pool64(~uint64_t(0)));
+  };
+  for (uint32_t part = 0; part < partsOf(Type::Mask); part++) {
+    const Ymm d = target(v, part);
+    if (!wide || preamble_) {
+      one(d, part);
+      finish(v, part, d);
+    } else {
+      // The upper half waits in the frame: `one` needs the scratch registers.
+      one(t2(), part * 2 + 1);
+      a_.vmovaps(frameMem(frameRow(0)), t2());
+      one(t2(), part * 2);
+      a_.vshufps(t2(), t2(), frameMem(frameRow(0)), 0x88);
+      a_.vpermq(d, t2(), 0xd8);
+      finish(v, part, d);
+    }
+  }
+}
+
+void Emitter::select(Value v) {
+  const auto o = f_.operands(v);
+  const Type t = f_.type(v);
+  const bool keep = p_.a.nan[v] == interp::NanBits::Kept, wide = ir::typeBytes(t) == 8 && !preamble_;
+  for (uint32_t part = 0; part < partsOf(t); part++) {
+    Source yes = keep ? settled(o[1], part, t0()) : source(o[1], part);
+    Source no = keep ? settled(o[2], part, t2()) : source(o[2], part);
+    const Ymm m = wide ? wideMask(o[0], part, t1()) : load(o[0], part, t1());
+    const Ymm d = target(v, part);
+    if (!no.isReg) {
+      a_.vmovaps(t2(), no.mem);
+      no = reg(t2());
+    }
+    a_.emit(I::kIdVblendvps, d, no.reg, yes.op(), m);
+    finish(v, part, d);
+  }
+}
+
+void Emitter::shift(Value v) {
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  const bool wide = i.type == Type::I64;
+  const InstId byImm = i.op == Op::Shl    ? (wide ? I::kIdVpsllq : I::kIdVpslld)
+                       : i.op == Op::LShr ? (wide ? I::kIdVpsrlq : I::kIdVpsrld)
+                                          : I::kIdVpsrad;
+  const InstId byLane = i.op == Op::Shl    ? (wide ? I::kIdVpsllvq : I::kIdVpsllvd)
+                        : i.op == Op::LShr ? (wide ? I::kIdVpsrlvq : I::kIdVpsrlvd)
+                                           : I::kIdVpsravd;
+  const uint32_t width = wide ? 63 : 31;
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Ymm d = target(v, part);
+    if (isConst(o[1])) {
+      const Ymm x = load(o[0], part, t0());
+      a_.emit(byImm, d, x, asmjit::imm(uint32_t(f_.insts[o[1]].imm) & width));
+    } else {
+      const Ymm count = load(o[1], part, t1());
+      a_.vpand(t1(), count, wide ? pool64(width) : pool32(width));
+      const Ymm x = load(o[0], part, t0());
+      a_.emit(byLane, d, x, t1());
+    }
+    finish(v, part, d);
+  }
+}
+
+//! Even and odd lanes apart: the instruction multiplies to 64 bits.
+bool Emitter::multiplyHigh(Value v) {
+  const auto o = f_.operands(v);
+  const InstId id = f_.insts[v].op == Op::SMulHi ? I::kIdVpmuldq : I::kIdVpmuludq;
+  for (uint32_t part = 0; part < partsOf(Type::I32); part++) {
+    const Ymm a = load(o[0], part, t0()), b = load(o[1], part, t1());
+    a_.emit(id, t2(), a, b);
+    a_.vpsrlq(t2(), t2(), 32);
+    a_.vpsrlq(t0(), a, 32);
+    a_.vpsrlq(t1(), b, 32);
+    a_.emit(id, t0(), t0(), t1());
+    const Ymm d = target(v, part);
+    a_.vpblendd(d, t2(), t0(), 0xaa);
+    finish(v, part, d);
+  }
+  return true;
+}
+
+}  // namespace pumice::jit

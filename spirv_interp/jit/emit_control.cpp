@@ -1,0 +1,185 @@
+// Control flow over masks: every region's active lanes are a Vreg of masks, a side that no lane runs is jumped over.
+#include "spirv_interp/jit/emitter.h"
+
+namespace pumice::jit {
+
+//! Zero flag: no lane is active.
+void Emitter::testMask(uint32_t id) {
+  Ymm m = vregLoad(id, 0, t0());
+  for (uint32_t part = 1; part < p_.unroll; part++) {
+    bin(x86::Inst::kIdVorps, t0(), reg(m), vregSource(id, part));
+    m = t0();
+  }
+  a_.vptest(m, m);
+}
+void Emitter::none(uint32_t id, const asmjit::Label& to) {
+  testMask(id);
+  a_.jz(to);
+}
+void Emitter::any(uint32_t id, const asmjit::Label& to) {
+  testMask(id);
+  a_.jnz(to);
+}
+
+void Emitter::suspend(interp::Progress why, const asmjit::Label& resume) {
+  resumes_.push_back(resume);
+  for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
+  a_.mov(x86::dword_ptr(frame_, kFrameResume), uint32_t(resumes_.size()));
+  a_.mov(x86::eax, uint32_t(why));
+  a_.jmp(exit_);
+}
+
+//! Where a region goes on when its last lane has left. A then side ends where its else begins, which looks at the lanes of
+//! its own side.
+const asmjit::Label& Emitter::endOf(uint32_t id) const {
+  const Region& r = p_.regions[id];
+  const bool hasElse = r.op == Op::If && f_.insts[r.end].op == Op::Else;
+  return hasElse && !r.uniform ? labels_[id].start : labels_[id].end;
+}
+
+void Emitter::control(Value v) {
+  const Inst& i = f_.insts[v];
+  const uint32_t id = p_.regionOf[v];
+  const auto copyMask = [&](uint32_t to, uint32_t from) {
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      const Ymm d = vregTarget(to, part);
+      move(d, vregSource(from, part));
+      vregFinish(to, part, d);
+    }
+  };
+  switch (i.op) {
+    case Op::If: {
+      const Region& r = p_.regions[id];
+      const uint32_t outer = p_.regions[region_].mask;
+      const Value condition = f_.operands(v)[0];
+      labels_[id].start = a_.newLabel();   // of the else, or the end
+      labels_[id].end = a_.newLabel();
+      if (r.uniform) {
+        if (r.own) copyMask(r.mask, outer);
+        x86::Mem bits = scalar(condition);
+        bits.setSize(4);
+        a_.cmp(bits, 0);
+        a_.jz(labels_[id].start);
+      } else {
+        for (uint32_t part = 0; part < p_.unroll; part++) {
+          const Ymm d = vregTarget(r.mask, part);
+          bin(x86::Inst::kIdVandps, d, source(condition, part), vregSource(outer, part), true);
+          vregFinish(r.mask, part, d);
+        }
+        none(r.mask, labels_[id].start);
+      }
+      region_ = id;
+      return;
+    }
+    case Op::Else: {
+      const uint32_t then = region_;
+      const Region& r = p_.regions[id];
+      region_ = r.parent;
+      const uint32_t outer = p_.regions[region_].mask;
+      labels_[id] = labels_[then];
+      if (r.uniform) {
+        a_.jmp(labels_[id].end);
+        a_.bind(labels_[then].start);
+        if (r.own) copyMask(r.mask, outer);
+      } else {
+        a_.bind(labels_[then].start);
+        const Value condition = f_.operands(p_.regions[then].begin)[0];
+        for (uint32_t part = 0; part < p_.unroll; part++) {
+          const Ymm d = vregTarget(r.mask, part);
+          bin(x86::Inst::kIdVandnps, d, source(condition, part), vregSource(outer, part));
+          vregFinish(r.mask, part, d);
+        }
+        none(r.mask, labels_[id].end);
+      }
+      region_ = id;
+      return;
+    }
+    case Op::Loop:
+    case Op::Block: {
+      const Region& r = p_.regions[id];
+      if (r.own) copyMask(r.mask, p_.regions[region_].mask);
+      labels_[id].start = a_.newLabel();
+      labels_[id].end = a_.newLabel();
+      if (i.op == Op::Loop) {
+        a_.align(asmjit::AlignMode::kCode, 16);
+        a_.bind(labels_[id].start);
+      }
+      region_ = id;
+      return;
+    }
+    case Op::EndIf:
+    case Op::EndBlock:
+    case Op::EndLoop: {
+      const Region& r = p_.regions[id];
+      if (r.op == Op::If) a_.bind(labels_[id].start);
+      a_.bind(labels_[id].end);
+      if (i.op == Op::EndLoop) {
+        if (p_.mayWait) {
+          const asmjit::Label finished = a_.newLabel();
+          none(r.mask, finished);
+          a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, turns)));
+          a_.jnz(labels_[id].start);
+          suspend(interp::Progress::Yielded, labels_[id].start);
+          a_.bind(finished);
+        } else {
+          any(r.mask, labels_[id].start);
+        }
+      }
+      region_ = r.parent;
+      if (r.parentLeft) none(p_.regions[region_].mask, endOf(region_));
+      return;
+    }
+    case Op::Break: {
+      const uint32_t from = p_.regions[region_].mask;
+      uint32_t r = region_;
+      for (uint32_t left = uint32_t(i.imm) + 1; r; r = p_.regions[r].parent) {
+        if (r != region_) {
+          const uint32_t m = p_.regions[r].mask;
+          for (uint32_t part = 0; part < p_.unroll; part++) {
+            const Ymm d = vregTarget(m, part);
+            bin(x86::Inst::kIdVandnps, d, vregSource(from, part), vregSource(m, part));
+            vregFinish(m, part, d);
+          }
+        }
+        const Op op = p_.regions[r].op;
+        if ((op == Op::Loop || op == Op::Block) && --left == 0) break;
+      }
+      if (p_.regions[region_].op == Op::Loop)
+        for (uint32_t part = 0; part < p_.unroll; part++) {
+          const Ymm d = vregTarget(from, part);
+          a_.vxorps(d.xmm(), d.xmm(), d.xmm());
+          vregFinish(from, part, d);
+        }
+      a_.jmp(endOf(region_));
+      return;
+    }
+    case Op::Barrier: {
+      const asmjit::Label resume = a_.newLabel();
+      suspend(interp::Progress::Barrier, resume);
+      a_.bind(resume);
+      return;
+    }
+    default: fail(v, "unknown marker");
+  }
+}
+
+void Emitter::varSet(Value v) {
+  const Value var = f_.operands(v)[0], value = f_.operands(v)[1];
+  const uint32_t id = p_.vregOf[var];
+  const Type t = f_.type(var);
+  const bool keep = p_.a.nan[var] == interp::NanBits::Kept;
+  const uint32_t mask = p_.regions[region_].mask;
+  for (uint32_t part = 0; part < partsOf(t); part++) {
+    const Source s = keep ? settled(value, part, t0()) : source(value, part);
+    const Ymm d = vregTarget(id, part);
+    if (!p_.masked[v]) {
+      move(d, s);
+    } else {
+      const Ymm m = ir::typeBytes(t) == 8 ? wideMaskOf(vregSource(mask, part / 2), part, t1()) : vregLoad(mask, part, t1());
+      blend(d, vregSource(id, part), s, m);
+    }
+    vregFinish(id, part, d);
+  }
+}
+
+}  // namespace pumice::jit

@@ -1,0 +1,223 @@
+// The caller's rows, quads and subgroups.
+#include "spirv_interp/jit/emitter.h"
+
+namespace pumice::jit {
+
+namespace I = x86::Inst;
+
+bool Emitter::lanes(Value v) {
+  if (preamble_) return false;
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  const auto each = [&](auto f) {
+    for (uint32_t part = 0; part < partsOf(i.type); part++) {
+      const Ymm d = target(v, part);
+      f(d, part);
+      finish(v, part, d);
+    }
+    return true;
+  };
+  const auto eaxToAll = [&] {
+    return each([&](Ymm d, uint32_t) {
+      a_.vmovd(d.xmm(), x86::eax);
+      a_.vpbroadcastd(d, d.xmm());
+    });
+  };
+  const uint32_t all = p_.regions[region_].mask;
+  const bool wide = ir::typeBytes(i.type) == 8;
+  switch (i.op) {
+    case Op::Input: input(v); return true;
+    case Op::Output: output(v); return true;
+    case Op::LaneId: laneId(v); return true;
+    case Op::QuadLoad: quadLoad(v); return true;
+    case Op::QuadDdx:
+    case Op::QuadDdy:
+      if (i.type != Type::F32 && i.type != Type::F64) return false;
+      derivative(v);
+      return true;
+    case Op::QuadSwizzle:
+      return each([&](Ymm d, uint32_t part) {
+        a_.emit(wide ? I::kIdVpermq : I::kIdVpermilps, d, source(o[0], part).op(), asmjit::imm(uint32_t(i.imm & 0xff)));
+      });
+    case Op::SubgroupAny:
+    case Op::SubgroupAll:
+      maskBits(x86::eax, o[0]);
+      if (i.op == Op::SubgroupAll) a_.not_(x86::eax);
+      vregMaskBits(x86::ecx, all);
+      a_.and_(x86::eax, x86::ecx);
+      a_.cmp(x86::eax, 1);
+      a_.sbb(x86::eax, x86::eax);   // all ones if there was none
+      if (i.op == Op::SubgroupAny) a_.not_(x86::eax);
+      return eaxToAll();
+    case Op::SubgroupBallot:
+      maskBits(x86::eax, o[0]);
+      vregMaskBits(x86::ecx, all);
+      a_.and_(x86::eax, x86::ecx);
+      return eaxToAll();
+    case Op::SubgroupShuffle:
+      if (wide) return false;
+      for (uint32_t part = 0; part < partsOf(i.type); part++) a_.vmovaps(frameMem(frameRow(0), part), load(o[0], part, t0()));
+      if (isUniform(o[1])) {
+        a_.mov(x86::eax, scalar(o[1]));
+        a_.and_(x86::eax, ir::kSubgroupLanes - 1);
+        return each([&](Ymm d, uint32_t) { a_.vbroadcastss(d, x86::ptr(frame_, x86::rax, 2, int32_t(frameRow(0)))); });
+      }
+      for (uint32_t part = 0; part < partsOf(i.type); part++) {
+        const Ymm d = target(v, part);
+        a_.vpand(t0(), load(o[1], part, t0()), pool32(ir::kSubgroupLanes - 1));
+        a_.vpcmpeqd(t1(), t1(), t1());
+        a_.vpxor(d, d, d);
+        a_.vgatherdps(d, x86::ptr(frame_, t0(), 2, int32_t(frameRow(0))), t1());
+        finish(v, part, d);
+      }
+      return true;
+    default: return false;
+  }
+}
+
+void Emitter::input(Value v) {
+  const Inst& i = f_.insts[v];
+  a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, inputs)));
+  a_.mov(x86::rsi, x86::ptr(x86::rsi, int32_t(i.imm * 8)));
+  if (i.type == Type::Mask) {
+    a_.mov(x86::eax, x86::ebp);
+    a_.shr(x86::eax, 3);
+    const x86::Mem m = x86::ptr(x86::rsi, x86::rax);
+    if (p_.unroll == 4) a_.mov(x86::eax, m);
+    else if (p_.unroll == 2) a_.movzx(x86::eax, x86::word_ptr(x86::rsi, x86::rax));
+    else a_.movzx(x86::eax, x86::byte_ptr(x86::rsi, x86::rax));
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      const Ymm d = target(v, part);
+      maskFromBits(d, x86::eax, part);
+      finish(v, part, d);
+    }
+    return;
+  }
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Ymm d = target(v, part);
+    switch (ir::typeBytes(i.type)) {
+      case 1: a_.vpmovzxbd(d, x86::ptr(x86::rsi, lane0_, 0, int32_t(8 * part))); break;
+      case 2: a_.vpmovzxwd(d, x86::ptr(x86::rsi, lane0_, 1, int32_t(16 * part))); break;
+      case 4: a_.vmovups(d, x86::ptr(x86::rsi, lane0_, 2, int32_t(32 * part))); break;
+      default: a_.vmovups(d, x86::ptr(x86::rsi, lane0_, 3, int32_t(32 * part)));
+    }
+    finish(v, part, d);
+  }
+}
+
+//! Only active lanes of the caller's row change.
+void Emitter::output(Value v) {
+  const Inst& i = f_.insts[v];
+  const Value value = f_.operands(v)[0];
+  const Type t = f_.type(value);
+  const uint32_t mask = p_.regions[region_].mask;
+  a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, outputs)));
+  a_.mov(x86::rsi, x86::ptr(x86::rsi, int32_t(i.imm * 8)));
+  if (t == Type::Mask) {
+    maskBits(x86::ecx, value);
+    vregMaskBits(x86::edx, mask);
+    a_.and_(x86::ecx, x86::edx);
+    a_.not_(x86::edx);
+    a_.mov(x86::eax, x86::ebp);
+    a_.shr(x86::eax, 3);
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      a_.mov(x86::r8d, x86::edx);
+      a_.mov(x86::r9d, x86::ecx);
+      if (part) {
+        a_.shr(x86::r8d, 8 * part);
+        a_.shr(x86::r9d, 8 * part);
+      }
+      a_.and_(x86::byte_ptr(x86::rsi, x86::rax, 0, int32_t(part)), x86::r8b);
+      a_.or_(x86::byte_ptr(x86::rsi, x86::rax, 0, int32_t(part)), x86::r9b);
+    }
+    return;
+  }
+  const uint32_t bytes = ir::typeBytes(t);
+  if (bytes >= 4) {
+    for (uint32_t part = 0; part < partsOf(t); part++) {
+      const x86::Mem m = x86::ptr(x86::rsi, lane0_, bytes == 8 ? 3 : 2, int32_t(32 * part));
+      const Ymm s = loadSettled(value, part, t0());
+      const Ymm e = bytes == 8 ? wideMaskOf(vregSource(mask, part / 2), part, t1()) : vregLoad(mask, part, t1());
+      a_.vmovups(t2(), m);
+      a_.vblendvps(t2(), t2(), s, e);
+      a_.vmovups(m, t2());
+    }
+    return;
+  }
+  // Small elements: active lanes one by one.
+  for (uint32_t part = 0; part < partsOf(t); part++) a_.vmovaps(frameMem(frameRow(1), part), loadSettled(value, part, t0()));
+  vregMaskBits(x86::ecx, mask);
+  const asmjit::Label again = a_.newLabel();
+  if (bytes == 2) a_.lea(x86::rsi, x86::ptr(x86::rsi, lane0_, 1));
+  else a_.add(x86::rsi, lane0_);
+  a_.bind(again);   // somebody is active
+  a_.tzcnt(x86::edx, x86::ecx);
+  a_.mov(x86::eax, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(1))));
+  if (bytes == 2) a_.mov(x86::word_ptr(x86::rsi, x86::rdx, 1), x86::ax);
+  else a_.mov(x86::byte_ptr(x86::rsi, x86::rdx), x86::al);
+  a_.blsr(x86::ecx, x86::ecx);
+  a_.jnz(again);
+}
+
+void Emitter::laneId(Value v) {
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    uint32_t words[8];
+    for (uint32_t k = 0; k < 8; k++) words[k] = part * 8 + k;
+    const Ymm d = target(v, part);
+    a_.vmovd(d.xmm(), x86::ebp);
+    a_.vpbroadcastd(d, d.xmm());
+    a_.vpaddd(d, d, poolVector(words));
+    finish(v, part, d);
+  }
+}
+
+void Emitter::quadLoad(Value v) {
+  const Inst& i = f_.insts[v];
+  const int32_t at = int32_t(i.imm);
+  const uint32_t bytes = ir::typeBytes(i.type);
+  a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, quadRecords)));
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Ymm d = target(v, part);
+    if (bytes == 8) {
+      a_.mov(x86::rax, x86::ptr(x86::rsi, int32_t(part * 8)));
+      a_.vbroadcastsd(d, x86::ptr(x86::rax, at));
+    } else {
+      a_.mov(x86::rax, x86::ptr(x86::rsi, int32_t(part * 16)));
+      a_.mov(x86::rdx, x86::ptr(x86::rsi, int32_t(part * 16 + 8)));
+      if (bytes == 4) {
+        a_.vbroadcastss(t0(), x86::ptr(x86::rdx, at));
+        a_.vbroadcastss(d, x86::ptr(x86::rax, at));
+      } else {
+        for (const auto& [r, ymm] : {std::pair(x86::rdx, t0()), std::pair(x86::rax, d)}) {
+          if (bytes == 2) a_.movzx(x86::ecx, x86::word_ptr(r, at));
+          else a_.movzx(x86::ecx, x86::byte_ptr(r, at));
+          a_.vmovd(ymm.xmm(), x86::ecx);
+          a_.vpbroadcastd(ymm, ymm.xmm());
+        }
+      }
+      a_.vblendps(d, d, t0(), 0xf0);
+    }
+    finish(v, part, d);
+  }
+}
+
+//! Coarse: the quad's first row (column) serves all four.
+void Emitter::derivative(Value v) {
+  const Inst& i = f_.insts[v];
+  const Value o = f_.operands(v)[0];
+  const bool wide = i.type == Type::F64, fine = i.imm != 0, x = i.op == Op::QuadDdx;
+  //                                 to - from, 2 bits a lane
+  const uint32_t to = x ? (fine ? 0b11110101u : 0b01010101u) : (fine ? 0b11101110u : 0b10101010u);
+  const uint32_t from = x ? (fine ? 0b10100000u : 0u) : (fine ? 0b01000100u : 0u);
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Source s = source(o, part);
+    const Ymm d = target(v, part);
+    const InstId id = wide ? I::kIdVpermpd : I::kIdVpermilps;
+    a_.emit(id, t0(), s.op(), asmjit::imm(to));
+    a_.emit(id, t1(), s.op(), asmjit::imm(from));
+    a_.emit(wide ? I::kIdVsubpd : I::kIdVsubps, d, t0(), t1());
+    finish(v, part, d);
+  }
+}
+
+}  // namespace pumice::jit

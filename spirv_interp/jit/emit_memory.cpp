@@ -1,0 +1,417 @@
+// Buffers, tables, work-group memory. Bounds that do not depend on the lane are prepared by the preamble as a Range:
+// the highest offset allowed, as a vector, and the base. A range with no room at all becomes offset 0 of a block of zeros
+// (of a sink, for stores). Loads look at bounds alone: what an inactive lane reads within them does no harm.
+#include "spirv_interp/jit/emitter.h"
+
+namespace pumice::jit {
+namespace {
+
+namespace I = x86::Inst;
+constexpr int32_t kRangeBase = 32, kRangeBiased = 40, kRangeLast = 48;   // behind the vector of the last offset
+constexpr uint32_t kIota4[8] = {0, 4, 8, 12, 16, 20, 24, 28};
+
+x86::Mem at(x86::Mem m, int32_t offset) {
+  m.addOffset(offset);
+  return m;
+}
+
+}  // namespace
+
+uint32_t Emitter::rangeSlot(Value base, Value size, uint32_t table, uint32_t constant, uint32_t bytes, bool store) {
+  // Equal ones stand close together.
+  for (size_t k = ranges_.size(), last = k > 64 ? k - 64 : 0; k-- > last;)
+    if (const Range& r = ranges_[k]; !r.offset && r.base == base && r.size == size && r.table == table && r.constant == constant && r.bytes == bytes && r.store == store)
+      return r.slot;
+  if (base) {
+    if (!isConst(base)) bankSlot(base);
+    if (!isConst(size)) bankSlot(size);
+  }
+  Range r{base, 0, size, table, constant, bytes, store, bankSlots_};
+  bankSlots_ += 2;
+  ranges_.push_back(r);
+  return r.slot;
+}
+uint32_t Emitter::pointerSlot(Value base, Value offset, Value size, uint32_t table, uint32_t constant, uint32_t bytes) {
+  for (Value v : {base, offset, size})
+    if (v && !isConst(v)) bankSlot(v);
+  ranges_.push_back({base, offset, size, table, constant, bytes, false, bankSlots_});
+  return bankSlots_++;
+}
+
+//! In the preamble. With an offset: one pointer.
+void Emitter::emitRange(const Range& r) {
+  const asmjit::Label bad = a_.newLabel(), done = a_.newLabel();
+  if (r.base) {
+    a_.mov(x86::rsi, scalar(r.base));
+    a_.mov(x86::rdx, scalar(r.size));
+  } else {
+    a_.mov(x86::rcx, x86::ptr(call_, offsetof(ChunkCall, tables)));
+    a_.mov(x86::rsi, x86::ptr(x86::rcx, int32_t(r.table * sizeof(interp::Table) + offsetof(interp::Table, data))));
+    a_.mov(x86::rdx, x86::ptr(x86::rcx, int32_t(r.table * sizeof(interp::Table) + offsetof(interp::Table, size))));
+  }
+  // rax: constant and, for a pointer, offset; rdx: the last start possible
+  a_.mov(x86::eax, r.constant);
+  if (r.offset) {
+    if (f_.type(r.offset) == Type::I64) {
+      a_.add(x86::rax, scalar(r.offset));
+      a_.jc(bad);
+    } else {
+      a_.mov(x86::ecx, scalar(r.offset));
+      a_.add(x86::rax, x86::rcx);
+    }
+  }
+  a_.test(x86::rsi, x86::rsi);
+  a_.jz(bad);
+  a_.sub(x86::rdx, r.bytes);
+  a_.jb(bad);
+  a_.sub(x86::rdx, x86::rax);
+  a_.jb(bad);
+  a_.add(x86::rsi, x86::rax);
+  a_.jmp(done);
+  a_.bind(bad);
+  a_.xor_(x86::edx, x86::edx);
+  a_.mov(x86::rsi, uint64_t(reinterpret_cast<uintptr_t>(r.store ? sinkBlock() : zeroBlock())));
+  a_.bind(done);
+  if (r.offset) {
+    a_.mov(bankMem(r.slot), x86::rsi);
+    return;
+  }
+  a_.mov(x86::eax, 0xffffffffu);
+  a_.cmp(x86::rdx, x86::rax);
+  a_.cmova(x86::rdx, x86::rax);
+  a_.vmovd(t0().xmm(), x86::edx);
+  a_.vpbroadcastd(t0(), t0().xmm());
+  a_.vmovaps(bankMem(r.slot), t0());
+  a_.mov(at(bankMem(r.slot), kRangeBase), x86::rsi);
+  a_.mov(x86::eax, 0x80000000u);
+  a_.add(x86::rsi, x86::rax);
+  a_.mov(at(bankMem(r.slot), kRangeBiased), x86::rsi);
+  a_.mov(at(bankMem(r.slot), kRangeLast), x86::rdx);
+}
+
+void Emitter::broadcast(Ymm d, const x86::Gp& address, Type t) {
+  switch (ir::typeBytes(t)) {
+    case 8: a_.vbroadcastsd(d, x86::ptr(address)); return;
+    case 4: a_.vbroadcastss(d, x86::ptr(address)); return;
+    case 2: a_.movzx(x86::ecx, x86::word_ptr(address)); break;
+    default: a_.movzx(x86::ecx, x86::byte_ptr(address)); break;
+  }
+  a_.vmovd(d.xmm(), x86::ecx);
+  a_.vpbroadcastd(d, d.xmm());
+}
+
+//! In the preamble: everything is uniform.
+void Emitter::uniformLoad(Value v) {
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  Range r;
+  r.bytes = ir::typeBytes(i.type);
+  r.constant = uint32_t(i.imm);
+  r.slot = bankSlot(v);   // for a moment the pointer
+  if (i.op == Op::UniformInput) {
+    r.table = ir::kTableDraw;
+  } else if (i.op == Op::TableLoad) {
+    r.table = uint32_t(i.imm >> 32);
+    r.offset = o[0];
+  } else {
+    r.base = o[0];
+    r.offset = o[1];
+    r.size = o[2];
+  }
+  if (!r.offset) {
+    // A range's base is what we need.
+    const asmjit::Label bad = a_.newLabel(), done = a_.newLabel();
+    a_.mov(x86::rcx, x86::ptr(call_, offsetof(ChunkCall, tables)));
+    a_.mov(x86::rsi, x86::ptr(x86::rcx, int32_t(r.table * sizeof(interp::Table) + offsetof(interp::Table, data))));
+    a_.mov(x86::rdx, x86::ptr(x86::rcx, int32_t(r.table * sizeof(interp::Table) + offsetof(interp::Table, size))));
+    a_.mov(x86::eax, r.constant);
+    a_.test(x86::rsi, x86::rsi);
+    a_.jz(bad);
+    a_.sub(x86::rdx, r.bytes);
+    a_.jb(bad);
+    a_.sub(x86::rdx, x86::rax);
+    a_.jb(bad);
+    a_.add(x86::rsi, x86::rax);
+    a_.jmp(done);
+    a_.bind(bad);
+    a_.mov(x86::rsi, uint64_t(reinterpret_cast<uintptr_t>(zeroBlock())));
+    a_.bind(done);
+  } else {
+    emitRange(r);
+  }
+  broadcast(t2(), x86::rsi, i.type);
+  finish(v, 0, t2());
+}
+
+bool Emitter::mayBeLinear(Value offset) {
+  if (linear_[1] < 0) {
+    // Numbers that come from floats (texel coordinates) or memory hardly ever are neighbours in order.
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      const Op op = f_.insts[v].op;
+      bool yes = isUniform(v) || (op != Op::FToS && op != Op::FToU && op != Op::Load && op != Op::LoadConst && op != Op::TableLoad &&
+                                  op != Op::LocalLoad && op != Op::SharedLoad && op != Op::TileLoad && op != Op::QuadLoad && op != Op::Atomic);
+      if (yes && !isUniform(v))
+        for (Value o : f_.operands(v)) yes = yes && linear_[o] != 0;
+      linear_[v] = yes;
+    }
+  }
+  return linear_[offset] != 0;
+}
+
+//! rsi: base, rdi: base + 2^31; limit: a range's vector.
+void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit) {
+  const Type t = f_.type(v);
+  const uint32_t bytes = ir::typeBytes(t);
+  if (bytes == 4) {
+    const bool look = mayBeLinear(offset);
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      const Ymm off = load(offset, part, t0());
+      const Ymm d = target(v, part);
+      const asmjit::Label general = a_.newLabel(), done = a_.newLabel();
+      if (look) {
+        const asmjit::Label differ = a_.newLabel();
+        a_.vpbroadcastd(t1(), off.xmm());
+        a_.vpsubd(t1(), off, t1());
+        a_.vmovd(x86::eax, off.xmm());
+        a_.vpxor(t2(), t1(), poolVector(kIota4));
+        a_.vptest(t2(), t2());
+        a_.jnz(differ);
+        a_.lea(x86::rcx, x86::ptr(x86::rax, 28));
+        a_.cmp(x86::rcx, at(limit, kRangeLast));
+        a_.ja(general);
+        a_.vmovups(d, x86::ptr(base, x86::rax));
+        a_.jmp(done);
+        a_.bind(differ);
+        a_.vptest(t1(), t1());
+        a_.jnz(general);
+        a_.cmp(x86::rax, at(limit, kRangeLast));
+        a_.ja(general);
+        a_.vbroadcastss(d, x86::ptr(base, x86::rax));
+        a_.jmp(done);
+        a_.bind(general);
+      }
+      a_.vpminud(t1(), off, limit);
+      a_.vpcmpeqd(t1(), t1(), off);
+      a_.vpxor(t0(), off, pool32(0x80000000u));   // the index is signed
+      a_.vpxor(d, d, d);
+      a_.vgatherdps(d, x86::ptr(biased, t0()), t1());
+      if (look) a_.bind(done);
+      finish(v, part, d);
+    }
+    return;
+  }
+  // Lanes within bounds one by one.
+  const bool wide = bytes == 8;
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const Ymm off = load(offset, part, t0());
+    a_.vmovaps(frameMem(frameRow(0), part), off);
+    a_.vpminud(t1(), off, limit);
+    a_.vpcmpeqd(t1(), t1(), off);
+    const x86::Gp bits = part ? x86::r11d : x86::ecx;
+    a_.vmovmskps(bits, t1());
+    if (part) {
+      a_.shl(bits, 8 * part);
+      a_.or_(x86::ecx, bits);
+    }
+  }
+  a_.vpxor(t0(), t0(), t0());
+  for (uint32_t part = 0; part < partsOf(t); part++) a_.vmovaps(frameMem(frameRow(5), part), t0());
+  const asmjit::Label again = a_.newLabel(), done = a_.newLabel();
+  a_.test(x86::ecx, x86::ecx);
+  a_.jz(done);
+  a_.bind(again);
+  a_.tzcnt(x86::edx, x86::ecx);
+  a_.mov(x86::eax, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(0))));
+  if (wide) {
+    a_.mov(x86::rax, x86::ptr(base, x86::rax));
+    a_.mov(x86::ptr(frame_, x86::rdx, 3, int32_t(frameRow(5))), x86::rax);
+  } else {
+    if (bytes == 2) a_.movzx(x86::eax, x86::word_ptr(base, x86::rax));
+    else a_.movzx(x86::eax, x86::byte_ptr(base, x86::rax));
+    a_.mov(x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(5))), x86::eax);
+  }
+  a_.blsr(x86::ecx, x86::ecx);
+  a_.jnz(again);
+  a_.bind(done);
+  for (uint32_t part = 0; part < partsOf(t); part++) {
+    const Ymm d = target(v, part);
+    a_.vmovaps(d, frameMem(frameRow(5), part));
+    finish(v, part, d);
+  }
+}
+
+void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit) {
+  const Type t = f_.type(value);
+  const uint32_t bytes = ir::typeBytes(t), mask = p_.regions[region_].mask;
+  (void)v;
+  if (bytes == 4 && mayBeLinear(offset)) {
+    // Neighbours, all active.
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      const Ymm off = load(offset, part, t0());
+      const asmjit::Label general = a_.newLabel(), again = a_.newLabel(), done = a_.newLabel();
+      a_.vpbroadcastd(t1(), off.xmm());
+      a_.vpsubd(t1(), off, t1());
+      a_.vpcmpeqd(t1(), t1(), poolVector(kIota4));
+      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+      a_.vmovmskps(x86::ecx, t1());
+      a_.vmovd(x86::eax, off.xmm());
+      a_.vmovaps(frameMem(frameRow(0), part), off);
+      const Ymm s = loadSettled(value, part, t2());
+      a_.cmp(x86::ecx, 0xff);
+      a_.jne(general);
+      a_.lea(x86::rdx, x86::ptr(x86::rax, 28));
+      a_.cmp(x86::rdx, at(limit, kRangeLast));
+      a_.ja(general);
+      a_.vmovups(x86::ptr(base, x86::rax), s);
+      a_.jmp(done);
+      a_.bind(general);
+      a_.vmovaps(t0(), frameMem(frameRow(0), part));
+      a_.vpminud(t1(), t0(), limit);
+      a_.vpcmpeqd(t1(), t1(), t0());
+      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+      a_.vmovmskps(x86::ecx, t1());
+      a_.vmovaps(frameMem(frameRow(1), part), s);
+      a_.test(x86::ecx, x86::ecx);
+      a_.jz(done);
+      a_.bind(again);
+      a_.tzcnt(x86::edx, x86::ecx);
+      a_.mov(x86::eax, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(0) + part * kVectorBytes)));
+      a_.mov(x86::r8d, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(1) + part * kVectorBytes)));
+      a_.mov(x86::ptr(base, x86::rax), x86::r8d);
+      a_.blsr(x86::ecx, x86::ecx);
+      a_.jnz(again);
+      a_.bind(done);
+    }
+    return;
+  }
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const Ymm off = load(offset, part, t0());
+    a_.vmovaps(frameMem(frameRow(0), part), off);
+    a_.vpminud(t1(), off, limit);
+    a_.vpcmpeqd(t1(), t1(), off);
+    a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+    const x86::Gp bits = part ? x86::r11d : x86::ecx;
+    a_.vmovmskps(bits, t1());
+    if (part) {
+      a_.shl(bits, 8 * part);
+      a_.or_(x86::ecx, bits);
+    }
+  }
+  for (uint32_t part = 0; part < partsOf(t); part++) a_.vmovaps(frameMem(frameRow(1), part), loadSettled(value, part, t0()));
+  const asmjit::Label again = a_.newLabel(), done = a_.newLabel();
+  a_.test(x86::ecx, x86::ecx);
+  a_.jz(done);
+  a_.bind(again);
+  a_.tzcnt(x86::edx, x86::ecx);
+  a_.mov(x86::eax, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(0))));
+  if (bytes == 8) a_.mov(x86::r8, x86::ptr(frame_, x86::rdx, 3, int32_t(frameRow(1))));
+  else a_.mov(x86::r8d, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(1))));
+  switch (bytes) {
+    case 1: a_.mov(x86::byte_ptr(base, x86::rax), x86::r8b); break;
+    case 2: a_.mov(x86::word_ptr(base, x86::rax), x86::r8w); break;
+    case 4: a_.mov(x86::dword_ptr(base, x86::rax), x86::r8d); break;
+    default: a_.mov(x86::qword_ptr(base, x86::rax), x86::r8);
+  }
+  a_.blsr(x86::ecx, x86::ecx);
+  a_.jnz(again);
+  a_.bind(done);
+}
+
+//! Work-group memory as a range, in row 4 of the frame: rsi base, rdi base + 2^31. It is not known before the run.
+void Emitter::sharedRange(uint32_t constant, uint32_t bytes, bool store) {
+  const asmjit::Label bad = a_.newLabel(), done = a_.newLabel();
+  a_.mov(x86::rdx, x86::ptr(call_, offsetof(ChunkCall, sharedBytes)));
+  a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, shared)));
+  a_.mov(x86::rcx, uint64_t(constant) + bytes);
+  a_.sub(x86::rdx, x86::rcx);
+  a_.jb(bad);
+  a_.mov(x86::ecx, constant);
+  a_.add(x86::rsi, x86::rcx);
+  a_.jmp(done);
+  a_.bind(bad);
+  a_.xor_(x86::edx, x86::edx);
+  a_.mov(x86::rsi, uint64_t(reinterpret_cast<uintptr_t>(store ? sinkBlock() : zeroBlock())));
+  a_.bind(done);
+  a_.mov(x86::edi, 0x80000000u);
+  a_.add(x86::rdi, x86::rsi);
+  a_.vmovd(t0().xmm(), x86::edx);
+  a_.vpbroadcastd(t0(), t0().xmm());
+  a_.vmovaps(frameMem(frameRow(4)), t0());
+  a_.mov(at(frameMem(frameRow(4)), kRangeLast), x86::rdx);
+}
+
+bool Emitter::memory(Value v) {
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  const uint32_t constant = uint32_t(i.imm);
+  const auto useRange = [&](uint32_t slot) {
+    a_.mov(x86::rsi, at(bankMem(slot), kRangeBase));
+    return bankMem(slot);
+  };
+  switch (i.op) {
+    case Op::UniformInput:
+    case Op::TableLoad:
+    case Op::LoadConst:
+      if (preamble_) {
+        uniformLoad(v);
+        return true;
+      }
+      if (i.op == Op::UniformInput) return false;
+      [[fallthrough]];
+    case Op::Load: {
+      const bool table = i.op == Op::TableLoad;
+      const Value offset = table ? o[0] : o[1];
+      const uint32_t number = table ? uint32_t(i.imm >> 32) : 0;
+      if (!table && (!isUniform(o[0]) || !isUniform(o[2]))) return false;
+      const Value base = table ? 0 : o[0], size = table ? 0 : o[2];
+      const uint32_t bytes = ir::typeBytes(i.type);
+      if (isUniform(offset)) {
+        const uint32_t slot = pointerSlot(base, offset, size, number, constant, bytes);
+        for (uint32_t part = 0; part < partsOf(i.type); part++) {
+          a_.mov(x86::rax, bankMem(slot));
+          const Ymm d = target(v, part);
+          broadcast(d, x86::rax, i.type);
+          finish(v, part, d);
+        }
+        return true;
+      }
+      if (f_.type(offset) != Type::I32) return false;
+      const x86::Mem limit = useRange(rangeSlot(base, size, number, constant, bytes, false));
+      if (bytes == 4) a_.mov(x86::rdi, at(limit, kRangeBiased));
+      loadRange(v, offset, x86::rsi, x86::rdi, limit);
+      return true;
+    }
+    case Op::Store: {
+      if (preamble_ || !isUniform(o[0]) || !isUniform(o[2]) || f_.type(o[1]) != Type::I32) return false;
+      const x86::Mem limit = useRange(rangeSlot(o[0], o[2], 0, constant, ir::typeBytes(f_.type(o[3])), true));
+      storeRange(v, o[1], o[3], x86::rsi, limit);
+      return true;
+    }
+    case Op::SharedLoad:
+      if (preamble_) return false;
+      sharedRange(constant, ir::typeBytes(i.type), false);
+      loadRange(v, o[0], x86::rsi, x86::rdi, frameMem(frameRow(4)));
+      return true;
+    case Op::SharedStore:
+      if (preamble_) return false;
+      sharedRange(constant, ir::typeBytes(f_.type(o[1])), true);
+      storeRange(v, o[0], o[1], x86::rsi, frameMem(frameRow(4)));
+      return true;
+    case Op::LocalLoad:
+    case Op::LocalStore:
+      if (preamble_) return false;
+      localMemory(v);
+      return true;
+    case Op::TileLoad:
+      if (preamble_) return false;
+      tileLoad(v);
+      return true;
+    case Op::TileStore:
+      if (preamble_) return false;
+      tileStore(v);
+      return true;
+    default: return false;
+  }
+}
+
+}  // namespace pumice::jit

@@ -1,0 +1,355 @@
+#include "spirv_interp/jit/emitter.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "base/result.h"
+
+namespace pumice::jit {
+
+namespace {
+class KeepError final : public asmjit::ErrorHandler {
+ public:
+  explicit KeepError(std::string& message) : message_(message) {}
+  void handleError(asmjit::Error, const char* message, asmjit::BaseEmitter*) override {
+    if (message_.empty()) message_ = message;
+  }
+
+ private:
+  std::string& message_;
+};
+}  // namespace
+
+Emitter::Emitter(const Plan& plan, asmjit::CodeHolder& code, const interp::KernelTable& kernels)
+    : p_(plan), f_(*plan.f), kernels_(kernels), a_(&code), bankSlot_(f_.insts.size(), 0), linear_(f_.insts.size(), -1) {}
+
+std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& preambleLabel) {
+  out_ = &out;
+  KeepError handler(error_);
+  a_.setErrorHandler(&handler);
+  bodyLabel = a_.newLabel();
+  preambleLabel = a_.newLabel();
+  thunk_ = a_.newLabel();
+  out.chunkLanes = p_.unroll * kVectorLanes;
+  out.suspends = p_.suspends;
+  for (Value v = 1; v < f_.insts.size(); v++)
+    if (f_.insts[v].op == Op::LocalAlloc && p_.a.needed[v]) {
+      localArea_.resize(f_.insts.size(), 0);
+      localArea_[v] = out.localBytes;
+      const uint64_t bytes = uint64_t(f_.insts[v].imm + 3) / 4 * 4 * out.chunkLanes;
+      if (bytes > (16u << 20) || out.localBytes + bytes > (16u << 20)) return "too much local memory";
+      out.localBytes += uint32_t(bytes);
+    }
+  if (p_.frameSlots > (1u << 18)) return "too many values live at once";
+  out.frameBytes = kFrameSlots + p_.frameSlots * kVectorBytes;
+
+  a_.bind(bodyLabel);
+  body();
+  a_.align(asmjit::AlignMode::kCode, 16);
+  a_.bind(preambleLabel);
+  makePreamble();
+  if (usesThunk_) {
+    a_.align(asmjit::AlignMode::kCode, 16);
+    a_.bind(thunk_);
+    a_.sub(x86::rsp, 8);
+    for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
+    a_.vzeroupper();
+    a_.call(x86::rax);
+    for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
+    a_.add(x86::rsp, 8);
+    a_.ret();
+  }
+  out.bankBytes = bankSlots_ * kVectorBytes;
+  a_.setErrorHandler(nullptr);
+  return error_;
+}
+
+void Emitter::fail(Value v, const char* what) {
+  if (error_.empty()) error_ = base::errorf("line %u: %%%u (%s): %s", f_.insts[v].line, v, ir::opInfo(f_.insts[v].op).text, what).message;
+}
+
+// --- constants
+
+x86::Mem Emitter::pool64(uint64_t bits) {
+  const auto [it, fresh] = pooled_.try_emplace(bits, uint32_t(out_->pool.size()));
+  if (fresh) {
+    out_->pool.resize(out_->pool.size() + kVectorBytes);
+    for (unsigned k = 0; k < 4; k++) std::memcpy(out_->pool.data() + it->second + 8 * k, &bits, 8);
+  }
+  return x86::ptr(pool_, int32_t(it->second));
+}
+x86::Mem Emitter::poolVector(const uint32_t (&words)[8]) {
+  for (const auto& [have, offset] : pooledVectors_)
+    if (std::equal(have.begin(), have.end(), words)) return x86::ptr(pool_, int32_t(offset));
+  const uint32_t offset = uint32_t(out_->pool.size());
+  out_->pool.resize(offset + kVectorBytes);
+  std::memcpy(out_->pool.data() + offset, words, kVectorBytes);
+  pooledVectors_.push_back({{words, words + 8}, offset});
+  return x86::ptr(pool_, int32_t(offset));
+}
+x86::Mem Emitter::poolOf(Type t, uint64_t bits) {
+  if (t == Type::Mask) return pool64(bits & 1 ? ~uint64_t(0) : 0);
+  return ir::typeBytes(t) == 8 ? pool64(bits) : pool32(uint32_t(bits));
+}
+
+// --- places
+
+uint32_t Emitter::bankSlot(Value v) {
+  if (!bankSlot_[v]) bankSlot_[v] = ++bankSlots_;
+  return bankSlot_[v] - 1;
+}
+
+x86::Mem Emitter::scalar(Value v) {
+  if (isConst(v)) return poolOf(f_.type(v), f_.insts[v].imm);
+  return bankMem(bankSlot(v));
+}
+
+Source Emitter::vregSource(uint32_t id, uint32_t part) {
+  const Vreg& r = p_.vregs[id];
+  if (r.reg[part] >= 0) return reg(x86::ymm(uint32_t(r.reg[part])));
+  return mem(slotMem(r.slot[part]));
+}
+Ymm Emitter::vregLoad(uint32_t id, uint32_t part, Ymm scratch) {
+  const Source s = vregSource(id, part);
+  if (s.isReg) return s.reg;
+  a_.vmovaps(scratch, s.mem);
+  return scratch;
+}
+Ymm Emitter::vregTarget(uint32_t id, uint32_t part) {
+  const Vreg& r = p_.vregs[id];
+  return r.reg[part] >= 0 ? x86::ymm(uint32_t(r.reg[part])) : t2();
+}
+void Emitter::vregFinish(uint32_t id, uint32_t part, Ymm from) {
+  const Vreg& r = p_.vregs[id];
+  if (r.reg[part] < 0) a_.vmovaps(slotMem(r.slot[part]), from);
+  else move(x86::ymm(uint32_t(r.reg[part])), reg(from));
+}
+
+Source Emitter::source(Value v, uint32_t part) {
+  if (isUniform(v)) return mem(scalar(v));
+  if (p_.vregOf[v] == kNone) {
+    fail(v, "has no place");
+    return reg(t0());
+  }
+  return vregSource(p_.vregOf[v], part);
+}
+Ymm Emitter::load(Value v, uint32_t part, Ymm scratch) {
+  const Source s = source(v, part);
+  if (s.isReg) return s.reg;
+  a_.vmovaps(scratch, s.mem);
+  return scratch;
+}
+Ymm Emitter::target(Value v, uint32_t part) { return preamble_ ? t2() : vregTarget(p_.vregOf[v], part); }
+void Emitter::finish(Value v, uint32_t part, Ymm from) {
+  if (!preamble_) return vregFinish(p_.vregOf[v], part, from);
+  if (ir::isFloat(f_.type(v)) && p_.a.nan[v] == interp::NanBits::Arithmetic) canonical(f_.type(v), from, from);
+  a_.vmovaps(bankMem(bankSlot(v)), from);
+}
+
+void Emitter::canonical(Type t, Ymm to, Ymm from) {
+  switch (t) {
+    case Type::F16:
+      a_.vpand(t1(), from, pool32(0x7fff));
+      a_.vpcmpgtd(t1(), t1(), pool32(0x7c00));
+      a_.vblendvps(to, from, pool32(0x7e00), t1());
+      return;
+    case Type::F32:
+      a_.vcmpps(t1(), from, from, 3);
+      a_.vblendvps(to, from, pool32(0x7fc00000), t1());
+      return;
+    default:
+      a_.vcmppd(t1(), from, from, 3);
+      a_.vblendvpd(to, from, pool64(0x7ff8000000000000), t1());
+  }
+}
+//! `scratch` must not be t1.
+Source Emitter::settled(Value v, uint32_t part, Ymm scratch) {
+  const Type t = f_.type(v);
+  if (isUniform(v) || !ir::isFloat(t) || p_.a.nan[v] != interp::NanBits::Arithmetic) return source(v, part);
+  canonical(t, scratch, load(v, part, scratch));
+  return reg(scratch);
+}
+Ymm Emitter::loadSettled(Value v, uint32_t part, Ymm scratch) {
+  const Source s = settled(v, part, scratch);
+  move(scratch, s);
+  return scratch;
+}
+
+void Emitter::move(Ymm to, const Source& from) {
+  if (from.isReg && from.reg.id() == to.id()) return;
+  a_.emit(x86::Inst::kIdVmovaps, to, from.op());
+}
+
+// --- helpers
+
+void Emitter::bin(InstId id, Ymm d, const Source& a, const Source& b, bool commutes) {
+  if (a.isReg) a_.emit(id, d, a.reg, b.op());
+  else if (commutes && b.isReg) a_.emit(id, d, b.reg, a.op());
+  else {
+    const Ymm s = b.isReg && b.reg.id() == d.id() ? t0() : d;   // t0 is free when an operand stands in the result
+    a_.vmovaps(s, a.mem);
+    a_.emit(id, d, s, b.op());
+  }
+}
+void Emitter::cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t predicate) {
+  Ymm first = a.reg;
+  if (!a.isReg) {
+    first = b.isReg && b.reg.id() == d.id() ? t0() : d;
+    a_.vmovaps(first, a.mem);
+  }
+  a_.emit(id, d, first, b.op(), asmjit::imm(predicate));
+}
+void Emitter::blend(Ymm d, const Source& no, const Source& yes, Ymm mask) {
+  Ymm first = no.reg;
+  if (!no.isReg) {
+    first = (yes.isReg && yes.reg.id() == d.id()) || mask.id() == d.id() ? t0() : d;
+    a_.vmovaps(first, no.mem);
+  }
+  a_.emit(x86::Inst::kIdVblendvps, d, first, yes.op(), mask);
+}
+
+Ymm Emitter::wideMaskOf(const Source& narrow, uint32_t part, Ymm scratch) {
+  if (narrow.isReg) {
+    if (part & 1) {
+      a_.vextracti128(scratch.xmm(), narrow.reg, 1);
+      a_.vpmovsxdq(scratch, scratch.xmm());
+    } else {
+      a_.vpmovsxdq(scratch, narrow.reg.xmm());
+    }
+  } else {
+    x86::Mem m = narrow.mem;
+    m.addOffset(part & 1 ? 16 : 0);
+    a_.vpmovsxdq(scratch, m);
+  }
+  return scratch;
+}
+Ymm Emitter::wideMask(Value v, uint32_t part, Ymm scratch) { return wideMaskOf(source(v, part / 2), part, scratch); }
+
+void Emitter::narrowMask(Ymm low, Ymm high) {
+  a_.vshufps(low, low, high, 0x88);
+  a_.vpermq(low, low, 0xd8);
+}
+
+void Emitter::vregMaskBits(const x86::Gp& to, uint32_t id) {
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const x86::Gp r = part ? x86::r11d : to;
+    a_.vmovmskps(r, vregLoad(id, part, t0()));
+    if (!part) continue;
+    a_.shl(r, 8 * part);
+    a_.or_(to, r);
+  }
+}
+void Emitter::maskBits(const x86::Gp& to, Value v) {
+  if (!isUniform(v)) return vregMaskBits(to, p_.vregOf[v]);
+  a_.mov(to, scalar(v));
+}
+void Emitter::maskFromBits(Ymm to, const x86::Gp& bits, uint32_t part) {
+  a_.vmovd(to.xmm(), bits);
+  a_.vpbroadcastd(to, to.xmm());
+  uint32_t words[8];
+  for (unsigned k = 0; k < 8; k++) words[k] = 1u << (8 * part + k);
+  const x86::Mem m = poolVector(words);
+  a_.vpand(to, to, m);
+  a_.vpcmpeqd(to, to, m);
+}
+
+// --- body and preamble
+
+void Emitter::operation(Value v) {
+  if (alu(v) || convert(v) || lanes(v) || memory(v) || callOut(v)) return;
+  fail(v, "neither emitter nor kernels have this operation");
+}
+
+void Emitter::body() {
+  exit_ = a_.newLabel();
+  for (const x86::Gp& r : {x86::rbx, x86::rbp, x86::r12, x86::r13, x86::r14, x86::r15}) a_.push(r);
+  a_.sub(x86::rsp, 8);
+  a_.mov(frame_, x86::rdi);
+  a_.mov(bank_, x86::rsi);
+  a_.mov(call_, x86::rdx);
+  a_.mov(pool_, x86::rcx);
+  a_.mov(x86::ebp, x86::dword_ptr(call_, offsetof(ChunkCall, lane0)));
+  asmjit::Label dispatch, begin;
+  if (p_.suspends) {
+    dispatch = a_.newLabel();
+    begin = a_.newLabel();
+    a_.mov(x86::eax, x86::dword_ptr(frame_, kFrameResume));
+    a_.test(x86::eax, x86::eax);
+    a_.jnz(dispatch);
+    a_.bind(begin);
+  }
+  labels_.resize(p_.regions.size());
+  labels_[0].end = a_.newLabel();
+  region_ = 0;
+
+  const uint32_t all = p_.regions[0].mask;
+  a_.mov(x86::eax, x86::dword_ptr(call_, offsetof(ChunkCall, active)));
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const Ymm d = vregTarget(all, part);
+    maskFromBits(d, x86::eax, part);
+    vregFinish(all, part, d);
+  }
+  for (Value v : p_.zeroed)
+    for (uint32_t part = 0; part < partsOf(f_.type(v)); part++) {
+      const Ymm d = target(v, part);
+      a_.vxorps(d.xmm(), d.xmm(), d.xmm());
+      finish(v, part, d);
+    }
+
+  for (Value v = 1; v < f_.insts.size() && error_.empty(); v++) {
+    if (!p_.a.needed[v] || p_.a.uniform[v]) continue;
+    const Op op = f_.insts[v].op;
+    if (op == Op::Nop || op == Op::Var || op == Op::LocalAlloc) continue;
+    out_->operations++;
+    if (ir::opInfo(op).flags & ir::kControl || op == Op::Barrier) control(v);
+    else operation(v);
+  }
+  a_.bind(labels_[0].end);
+  a_.xor_(x86::eax, x86::eax);
+  static_assert(int(interp::Progress::Finished) == 0);
+  a_.bind(exit_);
+  a_.vzeroupper();
+  a_.add(x86::rsp, 8);
+  for (const x86::Gp& r : {x86::r15, x86::r14, x86::r13, x86::r12, x86::rbp, x86::rbx}) a_.pop(r);
+  a_.ret();
+
+  if (!p_.suspends) return;
+  a_.bind(dispatch);
+  for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
+  for (size_t k = 0; k < resumes_.size(); k++) {
+    a_.cmp(x86::eax, uint32_t(k + 1));
+    a_.je(resumes_[k]);
+  }
+  a_.ud2();
+}
+
+void Emitter::makePreamble() {
+  preamble_ = true;
+  for (const x86::Gp& r : {x86::rbx, x86::rbp, x86::r12, x86::r13, x86::r14, x86::r15}) a_.push(r);
+  a_.sub(x86::rsp, 8);
+  a_.mov(frame_, x86::rdi);
+  a_.mov(bank_, x86::rsi);
+  a_.mov(call_, x86::rdx);
+  a_.mov(pool_, x86::rcx);
+  a_.xor_(x86::ebp, x86::ebp);
+  std::vector<uint8_t> wanted(f_.insts.size(), 0);
+  for (Value v = Value(f_.insts.size()); v-- > 1;) {
+    if (isConst(v)) continue;
+    wanted[v] |= bankSlot_[v] != 0;
+    if (wanted[v])
+      for (Value o : f_.operands(v)) wanted[o] = 1;
+  }
+  for (Value v = 1; v < f_.insts.size() && error_.empty(); v++)
+    if (wanted[v] && !isConst(v)) {
+      out_->preambleOperations++;
+      operation(v);
+    }
+  for (const Range& r : ranges_) emitRange(r);
+  a_.vzeroupper();
+  a_.add(x86::rsp, 8);
+  for (const x86::Gp& r : {x86::r15, x86::r14, x86::r13, x86::r12, x86::rbp, x86::rbx}) a_.pop(r);
+  a_.ret();
+  preamble_ = false;
+}
+
+}  // namespace pumice::jit

@@ -1,0 +1,187 @@
+// Writes the machine code of one routine. Split by kind of operation into emit_*.cpp.
+//
+// Registers: rbx frame, r12 bank, r13 ChunkCall, r14 pool of constants, rbp first lane; the other general ones and
+// ymm13 .. ymm15 are scratch within an operation. Every operation writes its result last (allocate.cpp relies on it).
+//
+// Values that do not depend on the lane are computed by the preamble, once a draw, and stand in the bank as whole
+// vectors (32 bytes each), so that they are memory operands. The preamble is emitted by the same functions, with one
+// register per value of any type and every value in the bank.
+#pragma once
+
+#include <asmjit/x86.h>
+
+#include <memory>
+#include <unordered_map>
+
+#include "spirv_interp/jit/frame.h"
+#include "spirv_interp/jit/plan.h"
+
+namespace pumice::jit {
+
+namespace x86 = asmjit::x86;
+using InstId = asmjit::InstId;
+using x86::Ymm;
+using ir::Function, ir::Inst, ir::Op, ir::Type, ir::Value;
+
+//! A vector operand, in a register or in memory.
+struct Source {
+  bool isReg = false;
+  Ymm reg;
+  x86::Mem mem;
+  const asmjit::Operand_& op() const { return isReg ? static_cast<const asmjit::Operand_&>(reg) : mem; }
+};
+
+struct Emitted {
+  std::vector<std::byte> pool;
+  std::vector<std::unique_ptr<CallOut>> callOuts;
+  std::vector<std::unique_ptr<LocalAccess>> localAccesses;
+  uint32_t bankBytes = 0, frameBytes = 0, localBytes = 0;
+  uint32_t chunkLanes = 0;
+  bool suspends = false;
+  size_t operations = 0, preambleOperations = 0;
+};
+
+class Emitter {
+ public:
+  Emitter(const Plan& plan, asmjit::CodeHolder& code, const interp::KernelTable& kernels);
+  //! Emits body and preamble. An empty string, or why not.
+  std::string run(Emitted& out, asmjit::Label& body, asmjit::Label& preamble);
+
+ private:
+  // --- places (emitter.cpp)
+  uint32_t partsOf(Type t) const { return preamble_ ? 1 : ir::typeBytes(t) == 8 ? p_.unroll * 2 : p_.unroll; }
+  Source source(Value v, uint32_t part);
+  //! v in a register: its own or `scratch`.
+  Ymm load(Value v, uint32_t part, Ymm scratch);
+  Source settled(Value v, uint32_t part, Ymm scratch);   //!< NaNs canonical, if somebody may have made others
+  Ymm loadSettled(Value v, uint32_t part, Ymm scratch);
+  void canonical(Type t, Ymm to, Ymm from);   //!< uses t1; `to` may be `from`
+  //! The register to compute part of v in; finish() puts it where it belongs.
+  Ymm target(Value v, uint32_t part);
+  void finish(Value v, uint32_t part, Ymm from);
+  Source vregSource(uint32_t vreg, uint32_t part);
+  Ymm vregLoad(uint32_t vreg, uint32_t part, Ymm scratch);
+  Ymm vregTarget(uint32_t vreg, uint32_t part);
+  void vregFinish(uint32_t vreg, uint32_t part, Ymm from);
+  void move(Ymm to, const Source& from);
+  x86::Mem slotMem(uint32_t slot) const { return x86::ptr(frame_, int32_t(kFrameSlots + slot * kVectorBytes)); }
+  x86::Mem frameMem(uint32_t offset, uint32_t part = 0) const { return x86::ptr(frame_, int32_t(offset + part * kVectorBytes)); }
+  x86::Mem bankMem(uint32_t slot) const { return x86::ptr(bank_, int32_t(slot * kVectorBytes)); }
+  uint32_t bankSlot(Value v);
+  bool isConst(Value v) const { return f_.insts[v].op == Op::Const; }
+  bool isUniform(Value v) const { return p_.a.uniform[v]; }
+  //! A uniform's bits as a memory operand of its first element.
+  x86::Mem scalar(Value v);
+
+  // --- constants
+  x86::Mem pool32(uint32_t bits) { return pool64(uint64_t(bits) << 32 | bits); }
+  x86::Mem pool64(uint64_t bits);
+  x86::Mem poolVector(const uint32_t (&words)[8]);
+  x86::Mem poolOf(Type t, uint64_t bits);
+
+  // --- small helpers
+  void bin(InstId id, Ymm d, const Source& a, const Source& b, bool commutes = false);
+  void cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t predicate);
+  void mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide);
+  void blend(Ymm d, const Source& no, const Source& yes, Ymm mask);   //!< by 32-bit elements
+  static Source reg(Ymm r) { return {true, r, {}}; }
+  static Source mem(const x86::Mem& m) { return {false, {}, m}; }
+  //! The mask v for the 64-bit elements of `part`.
+  Ymm wideMask(Value v, uint32_t part, Ymm scratch);
+  Ymm wideMaskOf(const Source& narrow, uint32_t part, Ymm scratch);
+  //! Two 64-bit comparisons' results as one mask, in `low`.
+  void narrowMask(Ymm low, Ymm high);
+  void maskBits(const x86::Gp& to, Value mask);                 //!< bit per lane of the chunk; uses rax... `to` and r11
+  void vregMaskBits(const x86::Gp& to, uint32_t vreg);
+  void maskFromBits(Ymm to, const x86::Gp& bits, uint32_t part);   //!< bits: of the chunk
+
+  // --- operations
+  void operation(Value v);
+  bool alu(Value v);             // emit_alu.cpp
+  bool convert(Value v);         // emit_convert.cpp
+  void floatMinMax(Value v);
+  void negate(Value v);
+  void fma(Value v);
+  void compare(Value v);
+  void maskOperation(Value v);
+  void select(Value v);
+  void shift(Value v);
+  bool multiplyHigh(Value v);
+  bool lanes(Value v);           // emit_lanes.cpp: quads, subgroups, rows of the caller
+  void input(Value v);
+  void output(Value v);
+  void laneId(Value v);
+  void quadLoad(Value v);
+  void derivative(Value v);
+  bool memory(Value v);          // emit_memory.cpp
+  bool callOut(Value v);         // emit_call.cpp
+  void callThunk(const void* function, const void* site);
+  void localMemory(Value v);      // emit_local.cpp
+  bool isAligned(Value offset);
+
+  // --- memory (emit_memory.cpp, emit_tile.cpp)
+  struct Range;   // of a buffer, prepared in the bank
+  uint32_t rangeSlot(Value base, Value size, uint32_t table, uint32_t constant, uint32_t bytes, bool store);
+  uint32_t pointerSlot(Value base, Value offset, Value size, uint32_t table, uint32_t constant, uint32_t bytes);
+  void emitRange(const Range& r);
+  void uniformLoad(Value v);      // preamble
+  void broadcast(Ymm d, const x86::Gp& address, Type t);
+  void loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit);
+  void storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit);
+  void sharedRange(uint32_t constant, uint32_t bytes, bool store);
+  bool mayBeLinear(Value offset);
+  void tileLoad(Value v);
+  void tileStore(Value v);
+
+  // --- control (emit_control.cpp)
+  void control(Value v);
+  const asmjit::Label& endOf(uint32_t region) const;
+  void varSet(Value v);
+  void none(uint32_t vreg, const asmjit::Label& to);     //!< jumps if no lane is active
+  void any(uint32_t vreg, const asmjit::Label& to);
+  void testMask(uint32_t vreg);
+  void suspend(interp::Progress why, const asmjit::Label& resume);
+  void body();
+  void makePreamble();
+
+  void fail(Value v, const char* what);
+
+  const Plan& p_;
+  const Function& f_;
+  const interp::KernelTable& kernels_;
+  x86::Assembler a_;
+  Emitted* out_ = nullptr;
+  bool preamble_ = false;
+  std::string error_;
+  uint32_t region_ = 0;
+
+  const x86::Gp frame_ = x86::rbx, bank_ = x86::r12, call_ = x86::r13, pool_ = x86::r14, lane0_ = x86::rbp;
+  static constexpr Ymm t0() { return x86::ymm13; }
+  static constexpr Ymm t1() { return x86::ymm14; }
+  static constexpr Ymm t2() { return x86::ymm15; }
+
+  std::unordered_map<uint64_t, uint32_t> pooled_;
+  std::vector<std::pair<std::vector<uint32_t>, uint32_t>> pooledVectors_;
+  std::vector<uint32_t> bankSlot_;          // by value, + 1
+  uint32_t bankSlots_ = 0;
+  std::vector<Range> ranges_;
+  std::vector<int8_t> linear_;              // by value: mayBeLinear, -1 unknown
+  std::vector<uint8_t> aligned_;            // by value: isAligned; empty: unknown
+  std::vector<uint32_t> localArea_;         // by LocalAlloc
+  struct RegionLabels {
+    asmjit::Label end, start;
+  };
+  std::vector<RegionLabels> labels_;
+  std::vector<asmjit::Label> resumes_;
+  asmjit::Label exit_, thunk_;
+  bool usesThunk_ = false;
+};
+
+struct Emitter::Range {
+  Value base = 0, offset = 0, size = 0;   // base 0: a table
+  uint32_t table = 0, constant = 0, bytes = 0;
+  bool store = false;
+  uint32_t slot = 0;                      // limit (vector), then base, base + 2^31; with `offset`: one pointer
+};
+
+}  // namespace pumice::jit

@@ -1,0 +1,244 @@
+#include "spirv_interp/jit/jit.h"
+
+#include <alloca.h>
+
+#include <atomic>
+#include <cstring>
+
+#include "base/log.h"
+#include "spirv_interp/jit/code_memory.h"
+#include "spirv_interp/jit/emitter.h"
+#include "spirv_interp/jit/halves.h"
+
+namespace pumice::jit {
+namespace {
+
+using interp::ExecContext, interp::Executable, interp::Progress, interp::Result, interp::RowState, interp::UniformBank;
+
+constexpr size_t kAlign = 64;
+constexpr size_t kMaxStackBytes = 96 * 1024;
+constexpr uint32_t kTurns = 256;   //!< of a loop, before a chunk of a routine that may wait gives way
+constexpr uint32_t kMaxChunks = interp::kMaxLanes / kVectorLanes;
+
+std::byte* aligned(void* p) { return reinterpret_cast<std::byte*>((reinterpret_cast<uintptr_t>(p) + kAlign - 1) & ~uintptr_t(kAlign - 1)); }
+
+//! Memory of a thread for frames too big for its stack.
+class Scratch {
+ public:
+  ~Scratch() { operator delete(data_, std::align_val_t(kAlign)); }
+  std::byte* get(size_t bytes) {
+    if (bytes > size_) {
+      operator delete(data_, std::align_val_t(kAlign));
+      size_ = 0;
+      data_ = static_cast<std::byte*>(operator new(bytes, std::align_val_t(kAlign), std::nothrow));
+      if (data_) size_ = bytes;
+    }
+    return data_;
+  }
+
+ private:
+  std::byte* data_ = nullptr;
+  size_t size_ = 0;
+};
+thread_local Scratch scratch;
+
+std::atomic<uint64_t> emittedCount, refusedCount, operationCount, callOutCount;
+
+class Native final : public Executable {
+ public:
+  Native(Emitted e, CodeMemory code, uint64_t body, uint64_t preamble)
+      : e_(std::move(e)),
+        code_(std::move(code)),
+        body_(reinterpret_cast<Entry>(reinterpret_cast<uintptr_t>(code_.data()) + body)),
+        preamble_(reinterpret_cast<Entry>(reinterpret_cast<uintptr_t>(code_.data()) + preamble)),
+        frameBytes_((e_.frameBytes + e_.localBytes + kAlign - 1) & ~(kAlign - 1)) {
+    // Memory operands of the pool are whole vectors.
+    poolMemory_ = std::make_unique<std::byte[]>(e_.pool.size() + kAlign);
+    pool_ = aligned(poolMemory_.get());
+    std::memcpy(pool_, e_.pool.data(), e_.pool.size());
+    e_.pool = {};
+  }
+
+  UniformBank preamble(const interp::Table* tables) const override {
+    UniformBank bank;
+    bank.slots = std::make_unique<uint64_t[]>((e_.bankBytes + kAlign) / 8);
+    if (!e_.bankBytes) return bank;
+    alignas(kAlign) std::byte frame[kFrameSlots];
+    const ExecContext none;
+    ChunkCall call{};
+    call.tables = tables;
+    call.context = &none;
+    std::byte* slots = aligned(bank.slots.get());
+    call.bank = slots;
+    preamble_(frame, slots, &call, pool_);
+    return bank;
+  }
+
+  void run(const UniformBank& bank, const ExecContext& context) const override {
+    if (e_.suspends) {
+      Row row;
+      row.memory = scratch.get(frameBytes_ * chunkCount(context));
+      if (!row.memory) return base::logError("out of memory: %u lanes were not run", context.lanes);
+      for (Progress p = start(bank, context, row); p != Progress::Finished; p = resume(row)) {}
+      return;
+    }
+    std::byte* frame;
+    if (frameBytes_ <= kMaxStackBytes) frame = aligned(alloca(frameBytes_ + kAlign));
+    else if (!(frame = scratch.get(frameBytes_))) return base::logError("out of memory: %u lanes were not run", context.lanes);
+    Records records;
+    ChunkCall call;
+    prepare(call, bank, context);
+    for (uint32_t first = 0; first < context.lanes; first += e_.chunkLanes) runChunk(call, context, first, frame, records);
+  }
+
+  std::unique_ptr<RowState> newRowState() const override {
+    auto row = std::make_unique<Row>();
+    row->memory = row->own.get(frameBytes_ * (interp::kMaxLanes / e_.chunkLanes));
+    return row->memory ? std::move(row) : nullptr;
+  }
+  Progress start(const UniformBank& bank, const ExecContext& context, RowState& state) const override {
+    Row& row = static_cast<Row&>(state);
+    row.bank = &bank;
+    row.context = &context;
+    row.count = chunkCount(context);
+    for (uint32_t k = 0; k < row.count; k++) {
+      std::memset(row.memory + k * frameBytes_ + kFrameResume, 0, 4);
+      row.progress[k] = Progress::Yielded;
+    }
+    row.fresh = true;
+    return advance(row);
+  }
+  Progress resume(RowState& state) const override { return advance(static_cast<Row&>(state)); }
+
+  size_t instructionCount() const override { return e_.operations; }
+  size_t preambleInstructionCount() const override { return e_.preambleOperations; }
+  size_t registerBytes() const override { return e_.frameBytes; }
+
+ private:
+  //! A row with one frame and one state for each chunk.
+  struct Row final : RowState {
+    Scratch own;
+    std::byte* memory = nullptr;
+    const UniformBank* bank = nullptr;
+    const ExecContext* context = nullptr;
+    uint32_t count = 0;
+    bool fresh = true;
+    Progress progress[kMaxChunks];
+  };
+  //! The last chunk's quads, if the row ends within it.
+  struct Records {
+    const std::byte* quad[8];
+  };
+
+  uint32_t chunkCount(const ExecContext& c) const { return (c.lanes + e_.chunkLanes - 1) / e_.chunkLanes; }
+
+  void prepare(ChunkCall& call, const UniformBank& bank, const ExecContext& context) const {
+    call.inputs = context.inputs;
+    call.outputs = context.outputs;
+    call.tables = context.tables;
+    call.tilePlanes = context.tilePlanes;
+    call.shared = context.shared;
+    call.sharedBytes = context.shared ? context.sharedBytes : 0;
+    call.context = &context;
+    call.bank = aligned(bank.slots.get());
+  }
+
+  Progress runChunk(ChunkCall& call, const ExecContext& context, uint32_t first, std::byte* frame, Records& records, bool fresh = true) const {
+    const uint64_t width = (uint64_t(1) << e_.chunkLanes) - 1;
+    uint64_t active = context.active[first >> 6] >> (first & 63) & width;
+    const uint32_t left = context.lanes - first;
+    if (left < e_.chunkLanes) active &= (uint64_t(1) << left) - 1;
+    if (!active) return Progress::Finished;
+    call.active = uint32_t(active);
+    call.lane0 = first;
+    call.turns = kTurns;
+    call.local = frame + e_.frameBytes;
+    if (context.quadRecords) {
+      call.quadRecords = context.quadRecords + first / 4;
+      if (left < e_.chunkLanes && left >= 4) {
+        for (uint32_t q = 0; q < 8; q++) records.quad[q] = call.quadRecords[std::min(q, left / 4 - 1)];
+        call.quadRecords = records.quad;
+      }
+    }
+    if (fresh && e_.localBytes) std::memset(call.local, 0, e_.localBytes);
+    return Progress(body_(frame, const_cast<std::byte*>(call.bank), &call, pool_));
+  }
+
+  //! Those that gave way go on; if there are none, those at the barrier do.
+  Progress advance(Row& row) const {
+    Records records;
+    ChunkCall call;
+    prepare(call, *row.bank, *row.context);
+    Progress which = Progress::Barrier;
+    for (uint32_t k = 0; k < row.count; k++)
+      if (row.progress[k] == Progress::Yielded) which = Progress::Yielded;
+    for (uint32_t k = 0; k < row.count; k++)
+      if (row.progress[k] == which)
+        row.progress[k] = runChunk(call, *row.context, k * e_.chunkLanes, row.memory + k * frameBytes_, records, row.fresh);
+    row.fresh = false;
+    Progress result = Progress::Finished;
+    for (uint32_t k = 0; k < row.count; k++) {
+      if (row.progress[k] == Progress::Yielded) return Progress::Yielded;
+      if (row.progress[k] == Progress::Barrier) result = Progress::Barrier;
+    }
+    return result;
+  }
+
+  Emitted e_;
+  CodeMemory code_;
+  Entry body_, preamble_;
+  size_t frameBytes_;
+  std::unique_ptr<std::byte[]> poolMemory_;
+  std::byte* pool_;
+};
+
+Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const interp::CompileOptions& options, const JitOptions& jit) {
+  ir::Function f = source;
+  ir::lowerMath(f, options.numerics);
+  if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
+  widenHalves(f);
+  ir::computeRates(f);
+  Plan plan = makePlan(f, jit.chunkLanes);
+  allocate(plan);
+
+  asmjit::CodeHolder holder;
+  holder.init(asmjit::Environment::host());
+  asmjit::StringLogger logger;
+  if (jit.listing) holder.setLogger(&logger);
+  Emitter emitter(plan, holder, interp::kernelTable(interp::defaultTarget()));
+  Emitted e;
+  asmjit::Label body, preamble;
+  std::string error = emitter.run(e, body, preamble);
+  if (jit.listing) *jit.listing = logger.data();
+  if (error.empty() && (holder.flatten() || holder.resolveUnresolvedLinks())) error = "labels out of reach";
+  if (!error.empty()) return base::errorf("%s: %s", f.name.c_str(), error.c_str());
+  const asmjit::CodeBuffer& buffer = holder.textSection()->buffer();
+  Result<CodeMemory> code = CodeMemory::make({reinterpret_cast<const std::byte*>(buffer.data()), buffer.size()});
+  if (!code) return std::move(code).error();
+  operationCount += e.operations + e.preambleOperations;
+  callOutCount += e.callOuts.size() + e.localAccesses.size();
+  return std::unique_ptr<Executable>(
+      std::make_unique<Native>(std::move(e), std::move(code).value(), holder.labelOffset(body), holder.labelOffset(preamble)));
+}
+
+}  // namespace
+
+bool available() {
+  static const bool yes = [] {
+    const auto& features = asmjit::CpuInfo::host().features().x86();
+    const std::string_view target = interp::defaultTarget().name;
+    return features.hasAVX2() && features.hasFMA() && features.hasF16C() && features.hasBMI() && (target == "AVX2" || target == "AVX3");
+  }();
+  return yes;
+}
+
+Result<std::unique_ptr<Executable>> compile(const ir::Function& f, const interp::CompileOptions& options, const JitOptions& jit) {
+  if (!available()) return base::errorf("this processor has no AVX2, FMA and F16C, or PUMICE_ISA forbids them");
+  auto result = emit(f, options, jit);
+  ++(result ? emittedCount : refusedCount);
+  return result;
+}
+
+Statistics statistics() { return {emittedCount, refusedCount, operationCount, callOutCount}; }
+
+}  // namespace pumice::jit

@@ -1,0 +1,70 @@
+// What is known before code is emitted: which values live in registers and for how long, what a region's active lanes
+// are called, which variables may be set without a mask.
+#pragma once
+
+#include <vector>
+
+#include "spirv_interp/interpreter/analysis.h"
+#include "spirv_interp/ir/ir.h"
+
+namespace pumice::jit {
+
+//! Bytes of a vector register.
+constexpr uint32_t kVectorBytes = 32;
+constexpr uint32_t kVectorLanes = 8;      //!< 32-bit elements
+constexpr uint32_t kMaxUnroll = 4;
+constexpr uint32_t kMaxParts = 2 * kMaxUnroll;
+constexpr uint32_t kAllocatable = 13;     //!< ymm0 .. ymm12; the others are scratch
+
+//! Something that lives in registers: a value, a variable, or the active lanes of a region. It has one vector register
+//! (part) per 8 lanes, of 64-bit types two. A part has one place for its whole life: a register or a slot of the frame.
+//! Elements of 8 and 16 bits are zero-extended to 32; a mask is all ones or zeros in 32 bits.
+struct Vreg {
+  uint32_t start = 0, end = 0;   //!< positions (values' ids) of the first definition and the last use
+  float weight = 0;              //!< uses, those in loops counting more
+  bool wide = false;             //!< 64-bit elements
+  int8_t reg[kMaxParts];         //!< -1: in the frame
+  uint32_t slot[kMaxParts];      //!< index of its vector in the frame
+};
+
+constexpr uint32_t kNone = ~0u;
+
+//! A stretch of instructions with one set of active lanes, from its opening marker to the one that ends it.
+struct Region {
+  ir::Op op = ir::Op::Nop;       //!< If, Else, Loop, Block; Nop: the function
+  ir::Value begin = 0, end = 0;
+  uint32_t parent = kNone;
+  uint32_t mask = kNone;         //!< Vreg of the active lanes; may be the parent's
+  bool own = true;               //!< mask is the region's own
+  bool uniform = false;          //!< an if (or else) whose condition does not depend on the lane
+  bool left = false;             //!< a break leaves it
+  bool parentLeft = false;       //!< a break within leaves the parent too, which may be empty behind this
+};
+
+struct Plan {
+  const ir::Function* f = nullptr;
+  interp::Analysis a;
+  uint32_t unroll = 1;           //!< vector registers of a 32-bit value
+  std::vector<Vreg> vregs;
+  std::vector<uint32_t> vregOf;  //!< by value (of a var: its register); kNone
+  std::vector<Region> regions;   //!< [0] is the function
+  std::vector<uint32_t> regionOf;//!< by instruction: the region that a marker opens, for end markers the one that ends
+  std::vector<uint8_t> masked;   //!< by VarSet: inactive lanes must keep their value
+  std::vector<ir::Value> zeroed; //!< vars that must be zero at the start
+  bool mayWait = false;          //!< chunks must give way in loops
+  bool suspends = false;         //!< mayWait, or a barrier
+  uint32_t frameSlots = 0;       //!< vectors of the frame
+
+  bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
+  uint32_t parts(const Vreg& r) const { return r.wide ? unroll * 2 : unroll; }
+};
+
+//! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here.
+Plan makePlan(const ir::Function& f, uint32_t lanes);
+//! Gives each part of each Vreg its place: a linear scan over positions.
+void allocate(Plan& plan);
+
+//! The operation reads parts of its operands after it has written parts of its result, so they may not share registers.
+bool crossesParts(const ir::Function& f, ir::Value v);
+
+}  // namespace pumice::jit

@@ -1,0 +1,51 @@
+// Random programs (tests/support/random_program.h) as machine code, in chunks of every width: the bits of the interpreter,
+// which the interpreter's own tests compare with the reference.
+#include <gtest/gtest.h>
+
+#include "spirv_interp/ir/passes.h"
+#include "spirv_interp/jit/jit.h"
+#include "tests/support/world.h"
+
+namespace pumice::testing {
+namespace {
+
+WorldShape shapeOf(uint64_t seed) {
+  Choices r(seed + 77);
+  static constexpr WorldShape kShapes[] = {{.rowLanes = 128}, {.rowLanes = 32}, {.rowLanes = 3, .groupRows = 2}, {.rowLanes = 32, .groupRows = 3, .groups = 2},
+                                           {.rowLanes = 128, .groupRows = 2, .groups = 2}, {.rowLanes = 1}, {.rowLanes = 5, .groups = 3},
+                                           {.rowLanes = 127}, {.rowLanes = 64}, {.rowLanes = 20, .groupRows = 4}};
+  WorldShape shape = r.of(kShapes);
+  shape.partial = r.chance(30);
+  shape.awkward = r.chance(50);
+  return shape;
+}
+
+void agrees(uint64_t seed, bool optimise, ir::Numerics numerics = ir::Numerics::F32) {
+  Choices choices(seed);
+  const Program p = makeProgram(choices, {});
+  ASSERT_EQ(ir::verify(p.function), "") << "seed " << seed;
+  ir::Function f = p.function;
+  if (optimise) ir::optimise(f);
+  World world(p, seed, shapeOf(seed));
+  auto interpreted = interp::compileInterpreter(f, {numerics});
+  ASSERT_TRUE(interpreted) << interpreted.error().message;
+  const Results want = world.run(**interpreted);
+  for (uint32_t lanes : {8u, 16u, 32u, 0u}) {
+    auto native = jit::compile(f, {numerics}, {.chunkLanes = lanes});
+    ASSERT_TRUE(native) << native.error().message << "\nseed " << seed << "\n" << ir::print(f);
+    ASSERT_EQ(world.difference(want, world.run(**native)), "")
+        << "chunks of " << lanes << ", seed " << seed << (optimise ? ", optimised" : "") << ", rows of " << shapeOf(seed).rowLanes << "\n" << ir::print(f);
+  }
+}
+void agree(uint64_t first, uint64_t count, ir::Numerics numerics = ir::Numerics::F32) {
+  if (!jit::available()) GTEST_SKIP();
+  for (uint64_t seed = first; seed < first + count && !::testing::Test::HasFailure(); seed++) agrees(seed, seed % 3 == 0, numerics);
+}
+
+TEST(JitRandomPrograms, giveTheBitsOfTheInterpreter) { agree(1, 700); }
+TEST(JitRandomPrograms, giveTheOraclesBits) { agree(20'001, 120, ir::Numerics::Oracle); }
+// The run of issue-sized length: --gtest_also_run_disabled_tests.
+TEST(JitRandomPrograms, DISABLED_tenThousandGiveTheBitsOfTheInterpreter) { agree(100'000, 10'000); }
+
+}  // namespace
+}  // namespace pumice::testing
