@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "spirv_interp/jit/engine.h"
+
 namespace pumice::pipeline {
 
 using ir::Op;
@@ -215,7 +217,7 @@ base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f,
   ir::optimise(f);
   interp::CompileOptions options;
   options.numerics = numerics;
-  return interp::compileInterpreter(f, options);
+  return jit::makeExecutable(f, options);
 }
 
 ir::Function guardEffects(const ir::Function& source) {

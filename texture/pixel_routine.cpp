@@ -7,6 +7,7 @@
 #include "base/fpenv.h"
 #include "base/hash.h"
 #include "base/log.h"
+#include "spirv_interp/jit/engine.h"
 
 namespace pumice::texture {
 namespace {
@@ -39,7 +40,7 @@ std::shared_ptr<const interp::Executable> pixelRoutine(const RoutineKey& key, co
   ir::Builder b(f);
   build(b);
   ir::optimise(f);
-  auto compiled = interp::compileInterpreter(f, {});
+  auto compiled = jit::makeExecutable(f, {});
   if (!compiled) {
     base::logError("texture: conversion routine (formats %u to %u): %s", key.sourceFormat, key.targetFormat, compiled.error().message.c_str());
     return nullptr;

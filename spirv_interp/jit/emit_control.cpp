@@ -61,6 +61,7 @@ void Emitter::control(Value v) {
         a_.cmp(bits, 0);
         a_.jz(labels_[id].start);
       } else {
+        if (r.condition != kNone && r.condition != p_.vregOf[condition]) copyMask(r.condition, p_.vregOf[condition]);
         for (uint32_t part = 0; part < p_.unroll; part++) {
           const Ymm d = vregTarget(r.mask, part);
           bin(x86::Inst::kIdVandps, d, source(condition, part), vregSource(outer, part), true);
@@ -83,10 +84,10 @@ void Emitter::control(Value v) {
         if (r.own) copyMask(r.mask, outer);
       } else {
         a_.bind(labels_[then].start);
-        const Value condition = f_.operands(p_.regions[then].begin)[0];
+        const uint32_t condition = p_.regions[then].condition;
         for (uint32_t part = 0; part < p_.unroll; part++) {
           const Ymm d = vregTarget(r.mask, part);
-          bin(x86::Inst::kIdVandnps, d, source(condition, part), vregSource(outer, part));
+          bin(x86::Inst::kIdVandnps, d, vregSource(condition, part), vregSource(outer, part));
           vregFinish(r.mask, part, d);
         }
         none(r.mask, labels_[id].end);

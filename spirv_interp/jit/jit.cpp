@@ -1,10 +1,14 @@
 #include "spirv_interp/jit/jit.h"
 
 #include <alloca.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstring>
+#include <mutex>
 
+#include "base/env.h"
 #include "base/log.h"
 #include "spirv_interp/jit/code_memory.h"
 #include "spirv_interp/jit/emitter.h"
@@ -192,6 +196,19 @@ class Native final : public Executable {
   std::byte* pool_;
 };
 
+//! perf finds names of code without a file in /tmp/perf-PID.map: address, size, name.
+void writePerfMap(const std::byte* code, size_t size, const std::string& name) {
+  static const bool wanted = base::envFlag(base::EnvVar::PerfMap, false);
+  if (!wanted) return;
+  static std::mutex mutex;
+  std::lock_guard lock(mutex);
+  const std::string path = "/tmp/perf-" + std::to_string(getpid()) + ".map";
+  if (std::FILE* file = std::fopen(path.c_str(), "a")) {
+    std::fprintf(file, "%llx %zx pumice:%s\n", static_cast<unsigned long long>(reinterpret_cast<uintptr_t>(code)), size, name.c_str());
+    std::fclose(file);
+  }
+}
+
 Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const interp::CompileOptions& options, const JitOptions& jit) {
   ir::Function f = source;
   ir::lowerMath(f, options.numerics);
@@ -215,6 +232,7 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   const asmjit::CodeBuffer& buffer = holder.textSection()->buffer();
   Result<CodeMemory> code = CodeMemory::make({reinterpret_cast<const std::byte*>(buffer.data()), buffer.size()});
   if (!code) return std::move(code).error();
+  writePerfMap(code->data(), buffer.size(), f.name);
   operationCount += e.operations + e.preambleOperations;
   callOutCount += e.callOuts.size() + e.localAccesses.size();
   return std::unique_ptr<Executable>(

@@ -190,6 +190,12 @@ class Planner {
         break;
       case Op::If: {
         use(o[0], v);
+        Region& r = p_.regions[p_.regionOf[v]];
+        if (!r.uniform && f_.insts[r.end].op == Op::Else) {
+          // The then side may set the variable that a var.get stands for.
+          r.condition = f_.insts[o[0]].op == Op::VarGet ? newVreg(v) : p_.vregOf[o[0]];
+          useReg(r.condition, v);
+        }
         enter(v);
         return;
       }
@@ -198,7 +204,7 @@ class Planner {
         const uint32_t r = p_.regionOf[v];
         current_ = p_.regions[r].parent;
         if (p_.regions[r].own) {
-          use(f_.operands(p_.regions[then_[r]].begin)[0], v);
+          if (!p_.regions[r].uniform) useReg(p_.regions[then_[r]].condition, v);
           useMask(v);
         }
         lose(then_[r]);

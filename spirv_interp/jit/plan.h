@@ -35,6 +35,7 @@ struct Region {
   ir::Value begin = 0, end = 0;
   uint32_t parent = kNone;
   uint32_t mask = kNone;         //!< Vreg of the active lanes; may be the parent's
+  uint32_t condition = kNone;    //!< Vreg that the else looks at
   bool own = true;               //!< mask is the region's own
   bool uniform = false;          //!< an if (or else) whose condition does not depend on the lane
   bool left = false;             //!< a break leaves it

@@ -1,0 +1,49 @@
+#include "spirv_interp/jit/engine.h"
+
+#include <cstdio>
+
+#include "base/env.h"
+#include "base/log.h"
+#include "spirv_interp/jit/jit.h"
+
+namespace pumice::jit {
+namespace {
+
+bool wantsNative() {
+  const auto wanted = base::envString(base::EnvVar::Engine);
+  if (!wanted || *wanted == "interp") return false;
+  if (*wanted != "auto" && *wanted != "jit") {
+    base::logError("PUMICE_ENGINE=%s is none of auto, interp, jit", wanted->c_str());
+    return false;
+  }
+  if (*wanted == "jit" && !available()) base::logError("PUMICE_ENGINE=jit: this processor has no AVX2, FMA and F16C, or PUMICE_ISA forbids them");
+  return *wanted == "jit" && available();   // auto: the interpreter, for now
+}
+
+struct Settings {
+  bool native = wantsNative(), dumpIr = false, dumpCode = false;
+  Settings() {
+    const std::string dump = base::envString(base::EnvVar::Dump).value_or("");
+    dumpIr = dump.find("ir") != std::string::npos;
+    dumpCode = dump.find("asm") != std::string::npos;
+  }
+};
+
+}  // namespace
+
+interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options) {
+  static const Settings settings;
+  if (settings.dumpIr) std::fputs(ir::print(f).c_str(), stderr);
+  if (settings.native) {
+    std::string listing;
+    JitOptions jit;
+    if (settings.dumpCode) jit.listing = &listing;
+    auto native = compile(f, options, jit);
+    if (!listing.empty()) std::fprintf(stderr, "; %s\n%s", f.name.c_str(), listing.c_str());
+    if (native) return native;
+    base::logInfo("left to the interpreter: %s", native.error().message.c_str());
+  }
+  return interp::compileInterpreter(f, options);
+}
+
+}  // namespace pumice::jit

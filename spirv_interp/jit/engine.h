@@ -1,0 +1,11 @@
+// Which executor runs a routine.
+#pragma once
+
+#include "spirv_interp/interpreter/executor.h"
+
+namespace pumice::jit {
+
+//! Machine code or the interpreter, as PUMICE_ENGINE says; what cannot be emitted goes to the interpreter.
+interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options);
+
+}  // namespace pumice::jit
