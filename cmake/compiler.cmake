@@ -56,6 +56,8 @@ if(PUMICE_SANITIZE)
   add_link_options(-fsanitize=${PUMICE_SANITIZE})
   if(PUMICE_SANITIZE MATCHES "undefined")
     add_compile_options(-fno-sanitize-recover=undefined)
+    # For files that use classes of libraries built without type information.
+    set(PUMICE_WITHOUT_TYPE_INFORMATION -fno-sanitize=vptr)
   endif()
   # An uninstrumented program that loads the instrumented driver needs this in LD_PRELOAD.
   if(PUMICE_SANITIZE MATCHES "address")

@@ -76,7 +76,7 @@ class WaylandWindow final : public Window {
   void throttle() override {
     const auto end = Clock::now() + kLongestFrame;
     while (frame_ && Clock::now() < end)
-      if (!dispatch(end)) return;
+      if (!dispatch(end)) break;
     if (!frame_) return;
     wl_callback_destroy(frame_);
     frame_ = nullptr;
