@@ -63,9 +63,6 @@ VkResult imageFormatProperties(const PhysicalDevice& device, VkFormat format, Vk
   if ((flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) && type != VK_IMAGE_TYPE_2D) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if (type != VK_IMAGE_TYPE_2D && f->isDepthStencil()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if (type == VK_IMAGE_TYPE_1D && f->isCompressed()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
-  constexpr VkImageUsageFlags kAttachment = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
-  // Attachments are 4x4 blocks; 1D images are rows.
-  if (type == VK_IMAGE_TYPE_1D && (usage & kAttachment)) return VK_ERROR_FORMAT_NOT_SUPPORTED;
 
   const VkPhysicalDeviceLimits& l = device.properties.limits;
   bool linear = tiling == VK_IMAGE_TILING_LINEAR;
@@ -74,7 +71,6 @@ VkResult imageFormatProperties(const PhysicalDevice& device, VkFormat format, Vk
   out.maxMipLevels = linear ? 1 : uint32_t(std::bit_width(edge));
   out.maxArrayLayers = type == VK_IMAGE_TYPE_3D || linear ? 1 : l.maxImageArrayLayers;
   bool multisampled = !linear && type == VK_IMAGE_TYPE_2D && !(flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) &&
-                      !(usage & VK_IMAGE_USAGE_STORAGE_BIT) &&
                       (features & (VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT | VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT));
   out.sampleCounts = multisampled ? texture::sampleCounts(*f) : VkSampleCountFlags(VK_SAMPLE_COUNT_1_BIT);
   out.maxResourceSize = std::min<uint64_t>(device.memory.memoryHeaps[0].size, uint64_t(1) << 40);

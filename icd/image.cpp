@@ -50,7 +50,7 @@ void fillDescriptor(ImageView& view, const VkComponentMapping& components) {
   d.samples = image.layout.samples;
 
   texture::ViewKey& k = d.key;
-  k.format = format ? uint16_t(format - texture::allFormats().data() + 1) : 0;
+  k.format = format ? texture::formatKey(*format) : 0;
   k.viewType = uint8_t(view.viewType);
   k.tiled = image.layout.tiled;
   VkImageAspectFlags aspect = view.range.aspectMask;
@@ -155,11 +155,14 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSampler(VkDevice handle, const VkSamplerC
   bool white = info->borderColor == VK_BORDER_COLOR_FLOAT_OPAQUE_WHITE || info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_WHITE;
   bool opaque = white || info->borderColor == VK_BORDER_COLOR_FLOAT_OPAQUE_BLACK || info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_BLACK;
   bool integer = info->borderColor == VK_BORDER_COLOR_INT_TRANSPARENT_BLACK || info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_BLACK ||
-                 info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_WHITE;
+                 info->borderColor == VK_BORDER_COLOR_INT_OPAQUE_WHITE || info->borderColor == VK_BORDER_COLOR_INT_CUSTOM_EXT;
   uint32_t one = 1;
   float unit = 1;
   if (integer) std::memcpy(&unit, &one, sizeof unit);
   for (int i = 0; i < 4; i++) d.border[i] = (i < 3 ? white : opaque) ? unit : 0.0f;
+  if (info->borderColor == VK_BORDER_COLOR_FLOAT_CUSTOM_EXT || info->borderColor == VK_BORDER_COLOR_INT_CUSTOM_EXT)
+    if (auto* custom = findInChain<VkSamplerCustomBorderColorCreateInfoEXT>(info->pNext, VK_STRUCTURE_TYPE_SAMPLER_CUSTOM_BORDER_COLOR_CREATE_INFO_EXT))
+      std::memcpy(d.border, &custom->customBorderColor, sizeof d.border);
   d.minLod = info->minLod;
   d.maxLod = info->maxLod;
   d.lodBias = info->mipLodBias;
@@ -175,6 +178,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSampler(VkDevice handle, const VkSamplerC
   k.compareOp = info->compareEnable ? uint8_t(info->compareOp) : 0;
   k.anisotropy = d.maxAnisotropy > 1;
   k.unnormalized = info->unnormalizedCoordinates != 0;
+  if (auto* reduction = findInChain<VkSamplerReductionModeCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_SAMPLER_REDUCTION_MODE_CREATE_INFO))
+    k.reduction = uint8_t(reduction->reductionMode);
   k.integerBorder = integer;
   k.zeroLod = info->maxLod == 0 && info->minLod == 0;
   k.present = 1;

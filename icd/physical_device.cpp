@@ -56,7 +56,7 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxDrawIndexedIndexValue = 0xffffffffu;
   l.maxDrawIndirectCount = 0xffffffffu;
   l.maxSamplerLodBias = 16;
-  l.maxSamplerAnisotropy = 1;
+  l.maxSamplerAnisotropy = 16;
   l.maxViewports = raster::kMaxViewports;
   l.maxViewportDimensions[0] = l.maxViewportDimensions[1] = 16384;
   l.viewportBoundsRange[0] = -32768;
@@ -66,8 +66,8 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.minTexelBufferOffsetAlignment = l.minUniformBufferOffsetAlignment = l.minStorageBufferOffsetAlignment = 16;
   l.minTexelOffset = -8;
   l.maxTexelOffset = 7;
-  l.minTexelGatherOffset = 0;
-  l.maxTexelGatherOffset = 0;
+  l.minTexelGatherOffset = -32;
+  l.maxTexelGatherOffset = 31;
   l.minInterpolationOffset = 0;
   l.maxInterpolationOffset = 0;
   l.subPixelInterpolationOffsetBits = 0;
@@ -79,10 +79,10 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.framebufferNoAttachmentsSampleCounts = l.framebufferColorSampleCounts;
   l.maxColorAttachments = pipeline::kMaxColorAttachments;
   l.sampledImageColorSampleCounts = l.framebufferColorSampleCounts;
-  l.sampledImageIntegerSampleCounts = VK_SAMPLE_COUNT_1_BIT;
+  l.sampledImageIntegerSampleCounts = l.framebufferColorSampleCounts;
   l.sampledImageDepthSampleCounts = l.framebufferDepthSampleCounts;
   l.sampledImageStencilSampleCounts = l.framebufferStencilSampleCounts;
-  l.storageImageSampleCounts = VK_SAMPLE_COUNT_1_BIT;
+  l.storageImageSampleCounts = l.framebufferColorSampleCounts;
   l.maxSampleMaskWords = 1;
   l.timestampComputeAndGraphics = VK_TRUE;
   l.timestampPeriod = 1;

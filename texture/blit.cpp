@@ -63,7 +63,7 @@ ImageRef reference(uint32_t table, VkFormat format, bool tiled, Builder& b) {
   ImageRef r;
   r.table = table;
   r.dynamicOffset = b.i32(0);
-  r.key.format = uint16_t(format);
+  r.key.format = formatKey(*formatInfo(format));
   r.key.viewType = VK_IMAGE_VIEW_TYPE_2D;
   r.key.tiled = tiled;
   r.key.aspect = VK_IMAGE_ASPECT_COLOR_BIT;  // the format is a plane's own
@@ -96,8 +96,8 @@ void storePixel(Builder& b, const FormatInfo& f, bool tiled, Value x, Value y, V
 
 std::shared_ptr<const interp::Executable> blitRoutine(const RoutineKey& key) {
   return pixelRoutine(key, [&](Builder& b) {
-    const FormatInfo& source = *formatInfo(VkFormat(key.sourceFormat));
-    const FormatInfo& target = *formatInfo(VkFormat(key.targetFormat));
+    const FormatInfo& source = allFormats()[key.sourceFormat - 1];
+    const FormatInfo& target = allFormats()[key.targetFormat - 1];
     Value at[3] = {b.input(Type::I32, 0), b.input(Type::I32, 1), b.input(Type::I32, 2)};
     std::vector<Value> operands = {b.i32(0), b.i32(0)};
     for (uint32_t i = 0; i < key.dimensions; ++i) {
@@ -194,8 +194,8 @@ void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory
     key.sourceTiled = from.tiled;
     key.targetTiled = to.tiled;
     const bool bits = sf.format == df.format && !key.linearFilter;
-    key.sourceFormat = uint16_t(bits ? wordFormat(sf) : sf.format);
-    key.targetFormat = uint16_t(bits ? wordFormat(df) : df.format);
+    key.sourceFormat = formatKey(bits ? *formatInfo(wordFormat(sf)) : sf);
+    key.targetFormat = formatKey(bits ? *formatInfo(wordFormat(df)) : df);
     auto routine = blitRoutine(key);
     if (!routine) continue;
 
@@ -224,8 +224,8 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
   key.sourceTiled = from.tiled;
   key.targetTiled = to.tiled;
   key.samples = uint8_t(from.samples);
-  key.sourceFormat = uint16_t(from.format->format);
-  key.targetFormat = uint16_t(to.format->format);
+  key.sourceFormat = formatKey(*from.format);
+  key.targetFormat = formatKey(*to.format);
   auto routine = pixelRoutine(key, [&](Builder& b) {
     const FormatInfo& f = *from.format;
     Value x = b.input(Type::I32, 0), y = b.input(Type::I32, 1), z = b.input(Type::I32, 2);
@@ -292,8 +292,8 @@ void presentRows(base::ThreadPool& pool, const ImageMemory& src, std::byte* rows
   RoutineKey key;
   key.kind = RoutineKey::Blit;
   key.sourceTiled = from.tiled;
-  key.sourceFormat = uint16_t(format);
-  key.targetFormat = kPresentFormat;
+  key.sourceFormat = formatKey(*formatInfo(format));
+  key.targetFormat = formatKey(*formatInfo(kPresentFormat));
   auto routine = blitRoutine(key);
   if (!routine) return;
   LevelLayout out;

@@ -15,7 +15,7 @@ void packTexel(const FormatInfo& f, const uint32_t (&words)[4], std::byte out[32
   std::memset(out, 0, 32);
   RoutineKey key;
   key.kind = RoutineKey::Pack;
-  key.targetFormat = uint16_t(f.format);
+  key.targetFormat = formatKey(f);
   const RawLoads loads = rawLoads(f);
   auto routine = pixelRoutine(key, [&](ir::Builder& b) {
     Texel t{};

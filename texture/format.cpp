@@ -130,8 +130,10 @@ constexpr FormatInfo kFormats[] = {
 #undef PUMICE_FORMAT
 };
 
+// The formats up to this one have the index value - 1.
+constexpr size_t kDense = VK_FORMAT_BC7_SRGB_BLOCK;
 constexpr bool tableIsDense() {
-  for (size_t i = 0; i < std::size(kFormats); ++i)
+  for (size_t i = 0; i < kDense; ++i)
     if (size_t(kFormats[i].format) != i + 1) return false;
   return true;
 }
@@ -149,18 +151,20 @@ bool storable(const FormatInfo& f) {
          powerOfTwo(f.elementBytes);
 }
 
+// A filter over several texels averages, or takes the smallest or largest.
+constexpr VkFormatFeatureFlags2 kLinearFilter = VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_FILTER_LINEAR_BIT | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_FILTER_MINMAX_BIT;
 constexpr VkFormatFeatureFlags2 kTransfer = VK_FORMAT_FEATURE_2_TRANSFER_SRC_BIT | VK_FORMAT_FEATURE_2_TRANSFER_DST_BIT;
 
 // What does not depend on the tiling of a colour image.
 VkFormatFeatureFlags2 colorImageFeatures(const FormatInfo& f) {
   if (f.isCompressed()) {
     if (!kSampleCompressed) return kTransfer;
-    return kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_FILTER_LINEAR_BIT | VK_FORMAT_FEATURE_2_BLIT_SRC_BIT;
+    return kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | kLinearFilter | VK_FORMAT_FEATURE_2_BLIT_SRC_BIT;
   }
   if (isScaled(f) || isWide(f)) return kTransfer;
   VkFormatFeatureFlags2 features =
       kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | VK_FORMAT_FEATURE_2_BLIT_SRC_BIT | VK_FORMAT_FEATURE_2_BLIT_DST_BIT;
-  if (!f.isInteger()) features |= VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_FILTER_LINEAR_BIT;
+  if (!f.isInteger()) features |= kLinearFilter;
   return features;
 }
 
@@ -173,10 +177,15 @@ VkImageAspectFlags FormatInfo::aspects() const {
 
 const FormatInfo* formatInfo(VkFormat format) {
   size_t index = size_t(format) - 1;
-  return index < std::size(kFormats) ? &kFormats[index] : nullptr;
+  if (index < kDense) return &kFormats[index];
+  for (size_t i = kDense; i < std::size(kFormats); ++i)
+    if (kFormats[i].format == format) return &kFormats[i];
+  return nullptr;
 }
 
 std::span<const FormatInfo> allFormats() { return kFormats; }
+
+uint16_t formatKey(const FormatInfo& f) { return uint16_t(&f - kFormats + 1); }
 
 VkFormatFeatureFlags2 optimalFeatures(const FormatInfo& f) {
   if (f.isDepthStencil()) {
@@ -184,7 +193,7 @@ VkFormatFeatureFlags2 optimalFeatures(const FormatInfo& f) {
     if (f.format == VK_FORMAT_D16_UNORM_S8_UINT) return 0;
     VkFormatFeatureFlags2 features = kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | VK_FORMAT_FEATURE_2_BLIT_SRC_BIT |
                                      VK_FORMAT_FEATURE_2_BLIT_DST_BIT | VK_FORMAT_FEATURE_2_DEPTH_STENCIL_ATTACHMENT_BIT;
-    if (f.hasDepth()) features |= VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_FILTER_LINEAR_BIT | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_DEPTH_COMPARISON_BIT;
+    if (f.hasDepth()) features |= kLinearFilter | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_DEPTH_COMPARISON_BIT;
     return features;
   }
   VkFormatFeatureFlags2 features = colorImageFeatures(f);

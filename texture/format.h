@@ -47,6 +47,8 @@ struct FormatInfo {
 //! nullptr for formats that are not in the table (then nothing supports them).
 const FormatInfo* formatInfo(VkFormat format);
 std::span<const FormatInfo> allFormats();
+//! Place in allFormats() + 1: what keys name a format by.
+uint16_t formatKey(const FormatInfo& f);
 
 //! True features, derived from the table and from what the builders below implement.
 VkFormatFeatureFlags2 optimalFeatures(const FormatInfo& f);

@@ -59,7 +59,9 @@ ImageLayout imageLayout(const VkImageCreateInfo& info) {
   ImageLayout image;
   image.format = formatInfo(info.format);
   image.type = info.imageType;
-  image.tiled = info.tiling == VK_IMAGE_TILING_OPTIMAL && info.imageType != VK_IMAGE_TYPE_1D;
+  // 1D images are rows, but attachments are drawn to in blocks.
+  constexpr VkImageUsageFlags kAttachment = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
+  image.tiled = info.tiling == VK_IMAGE_TILING_OPTIMAL && (info.imageType != VK_IMAGE_TYPE_1D || (info.usage & kAttachment));
   image.extent = info.extent;
   image.mipLevels = info.mipLevels;
   image.arrayLayers = info.arrayLayers;

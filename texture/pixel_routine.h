@@ -18,7 +18,7 @@ struct RoutineKey {
   uint8_t linearFilter = 0;
   uint8_t sourceTiled = 0, targetTiled = 0;
   uint8_t samples = 1;
-  uint16_t sourceFormat = 0, targetFormat = 0;   //!< VkFormat
+  uint16_t sourceFormat = 0, targetFormat = 0;   //!< formatKey()
   uint16_t padding = 0;
   bool operator==(const RoutineKey&) const = default;
 };

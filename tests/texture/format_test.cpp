@@ -49,10 +49,12 @@ TEST(FormatTable, BitsFollowFromTheNames) {
 }
 
 TEST(FormatTable, EveryFormatIsConsistent) {
-  EXPECT_EQ(allFormats().size(), 146u);
+  EXPECT_EQ(allFormats().size(), 148u);
+  EXPECT_EQ(formatKey(*formatInfo(VK_FORMAT_A4R4G4B4_UNORM_PACK16)), 147u);
   EXPECT_EQ(formatInfo(VK_FORMAT_UNDEFINED), nullptr);
   EXPECT_EQ(formatInfo(VK_FORMAT_ETC2_R8G8B8_UNORM_BLOCK), nullptr);
   EXPECT_EQ(formatInfo(VkFormat(1000156000)), nullptr);
+  EXPECT_EQ(formatInfo(VkFormat(147)), nullptr);
   for (const FormatInfo& f : allFormats()) {
     SCOPED_TRACE(f.name);
     EXPECT_EQ(formatInfo(f.format), &f);
