@@ -198,7 +198,9 @@ void VulkanInstance::addMessage(std::string text) {
 }
 
 namespace {
-constexpr const char* kDeviceExtensions[] = {VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME};
+constexpr const char* kDeviceExtensions[] = {
+    VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME, VK_EXT_SAMPLER_FILTER_MINMAX_EXTENSION_NAME, VK_KHR_SAMPLER_MIRROR_CLAMP_TO_EDGE_EXTENSION_NAME,
+    VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME, VK_EXT_4444_FORMATS_EXTENSION_NAME};
 
 std::vector<std::string> availableExtensions(VkPhysicalDevice physical) {
   uint32_t count = 0;
@@ -247,6 +249,21 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   for (const std::string& available : availableExtensions(physical))
     for (const char* wanted : kDeviceExtensions)
       if (available == wanted) extensions.push_back(available), names.push_back(wanted);
+  VkPhysicalDevice4444FormatsFeaturesEXT smallFormats{};
+  smallFormats.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_4444_FORMATS_FEATURES_EXT;
+  smallFormats.formatA4R4G4B4 = smallFormats.formatA4B4G4R4 = VK_TRUE;
+  VkPhysicalDeviceCustomBorderColorFeaturesEXT borders{};
+  borders.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CUSTOM_BORDER_COLOR_FEATURES_EXT;
+  borders.customBorderColors = borders.customBorderColorWithoutFormat = VK_TRUE;
+  auto* chainEnd = properties.apiVersion >= VK_API_VERSION_1_3 ? reinterpret_cast<VkBaseOutStructure*>(&vulkan13)
+                                                               : reinterpret_cast<VkBaseOutStructure*>(&vulkan12);
+  auto append = [&](const char* extension, void* structure) {
+    if (!has(extension) || !all.pNext) return;
+    chainEnd->pNext = static_cast<VkBaseOutStructure*>(structure);
+    chainEnd = chainEnd->pNext;
+  };
+  append(VK_EXT_4444_FORMATS_EXTENSION_NAME, &smallFormats);
+  append(VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME, &borders);
   VkDeviceCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   if (all.pNext)
@@ -258,6 +275,8 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   info.queueCreateInfoCount = 1;
   info.pQueueCreateInfos = &queueInfo;
   check(vkCreateDevice(physical, &info, nullptr, &handle), "vkCreateDevice");
+  vulkan12.pNext = properties.apiVersion >= VK_API_VERSION_1_3 ? &vulkan13 : nullptr;
+  vulkan13.pNext = nullptr;  // what was appended is gone
   vkGetDeviceQueue(handle, family, 0, &queue);
 }
 

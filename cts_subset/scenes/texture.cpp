@@ -6,6 +6,9 @@
 #include <cmath>
 
 namespace pumice::cts {
+
+void addFilteringScenes(SceneList& scenes);  // filtering.cpp
+
 namespace {
 
 constexpr uint32_t kSize = 256;
@@ -222,6 +225,7 @@ void addTextureScenes(SceneList& scenes) {
     };
     scenes.push_back(exact);
   }
+  addFilteringScenes(scenes);
 }
 
 }  // namespace pumice::cts

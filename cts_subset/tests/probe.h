@@ -86,8 +86,6 @@ inline std::vector<glm::vec4> probe(Workspace& work, const std::string& declarat
   VkDevice d = work.device.handle;
   VkShaderModule module = work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 450
 #extension GL_EXT_shader_image_load_formatted : enable
-#extension GL_EXT_texture_shadow_lod : enable
-#extension GL_EXT_samplerless_texture_functions : enable
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, std430) readonly buffer In { vec4 q[]; };
 layout(set = 0, binding = 1, std430) writeonly buffer Out { vec4 a[]; };
@@ -161,6 +159,122 @@ void main() {
   std::vector<glm::vec4> answers(count);
   std::memcpy(answers.data(), out.mapped, size_t(count) * 16);
   return answers;
+}
+
+// Draws one triangle over the whole of a colour attachment in GENERAL, keeping what is there where nothing is drawn, or `points`
+// points by a vertex shader of one's own.
+struct Painting {
+  VkExtent2D extent{};
+  VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT;
+  uint32_t layers = 1;
+  std::string fragment;
+  std::string vertex = "#version 450\nvoid main() { gl_Position = vec4(gl_VertexIndex == 1 ? 3 : -1, gl_VertexIndex == 2 ? 3 : -1, 0.5, 1); }";
+  bool blend = false;
+  uint32_t points = 0;
+  VkFormat attribute = VK_FORMAT_UNDEFINED;  // at location 0
+  uint32_t stride = 0;
+  VkBuffer vertices = VK_NULL_HANDLE;
+};
+
+inline void paint(Workspace& work, VkImageView view, VkFormat format, const Painting& p) {
+  VkDevice d = work.device.handle;
+  VkAttachmentDescription attachment{};
+  attachment.format = format;
+  attachment.samples = p.samples;
+  attachment.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+  attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+  attachment.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
+  attachment.stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
+  attachment.initialLayout = attachment.finalLayout = VK_IMAGE_LAYOUT_GENERAL;
+  VkAttachmentReference reference{0, VK_IMAGE_LAYOUT_GENERAL};
+  VkSubpassDescription subpass{};
+  subpass.colorAttachmentCount = 1;
+  subpass.pColorAttachments = &reference;
+  auto passInfo = structure<VkRenderPassCreateInfo>(VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO);
+  passInfo.attachmentCount = passInfo.subpassCount = 1;
+  passInfo.pAttachments = &attachment;
+  passInfo.pSubpasses = &subpass;
+  VkRenderPass pass = VK_NULL_HANDLE;
+  check(vkCreateRenderPass(d, &passInfo, nullptr, &pass), "vkCreateRenderPass");
+  work.onDestroy([d, pass] { vkDestroyRenderPass(d, pass, nullptr); });
+  auto targetInfo = structure<VkFramebufferCreateInfo>(VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO);
+  targetInfo.renderPass = pass;
+  targetInfo.attachmentCount = 1;
+  targetInfo.pAttachments = &view;
+  targetInfo.width = p.extent.width;
+  targetInfo.height = p.extent.height;
+  targetInfo.layers = p.layers;
+  VkFramebuffer target = VK_NULL_HANDLE;
+  check(vkCreateFramebuffer(d, &targetInfo, nullptr, &target), "vkCreateFramebuffer");
+  work.onDestroy([d, target] { vkDestroyFramebuffer(d, target, nullptr); });
+  auto layoutInfo = structure<VkPipelineLayoutCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO);
+  VkPipelineLayout layout = VK_NULL_HANDLE;
+  check(vkCreatePipelineLayout(d, &layoutInfo, nullptr, &layout), "vkCreatePipelineLayout");
+  work.onDestroy([d, layout] { vkDestroyPipelineLayout(d, layout, nullptr); });
+
+  VkPipelineShaderStageCreateInfo stages[2] = {};
+  for (int i = 0; i < 2; ++i) {
+    stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+    stages[i].stage = i ? VK_SHADER_STAGE_FRAGMENT_BIT : VK_SHADER_STAGE_VERTEX_BIT;
+    stages[i].module = work.shader(stages[i].stage, i ? p.fragment : p.vertex);
+    stages[i].pName = "main";
+  }
+  VkVertexInputBindingDescription binding{0, p.stride, VK_VERTEX_INPUT_RATE_VERTEX};
+  VkVertexInputAttributeDescription attribute{0, 0, p.attribute, 0};
+  auto input = structure<VkPipelineVertexInputStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO);
+  if (p.attribute) {
+    input.vertexBindingDescriptionCount = input.vertexAttributeDescriptionCount = 1;
+    input.pVertexBindingDescriptions = &binding;
+    input.pVertexAttributeDescriptions = &attribute;
+  }
+  auto assembly = structure<VkPipelineInputAssemblyStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO);
+  assembly.topology = p.points ? VK_PRIMITIVE_TOPOLOGY_POINT_LIST : VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
+  VkViewport viewport{0, 0, float(p.extent.width), float(p.extent.height), 0, 1};
+  VkRect2D scissor{{0, 0}, p.extent};
+  auto viewports = structure<VkPipelineViewportStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO);
+  viewports.viewportCount = viewports.scissorCount = 1;
+  viewports.pViewports = &viewport;
+  viewports.pScissors = &scissor;
+  auto raster = structure<VkPipelineRasterizationStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO);
+  raster.lineWidth = 1;
+  auto multisample = structure<VkPipelineMultisampleStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO);
+  multisample.rasterizationSamples = p.samples;
+  VkPipelineColorBlendAttachmentState blending{};
+  blending.colorWriteMask = 0xf;
+  blending.blendEnable = p.blend;
+  blending.srcColorBlendFactor = blending.srcAlphaBlendFactor = VK_BLEND_FACTOR_SRC_ALPHA;
+  blending.dstColorBlendFactor = blending.dstAlphaBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
+  auto colour = structure<VkPipelineColorBlendStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO);
+  colour.attachmentCount = 1;
+  colour.pAttachments = &blending;
+  auto info = structure<VkGraphicsPipelineCreateInfo>(VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO);
+  info.stageCount = 2;
+  info.pStages = stages;
+  info.pVertexInputState = &input;
+  info.pInputAssemblyState = &assembly;
+  info.pViewportState = &viewports;
+  info.pRasterizationState = &raster;
+  info.pMultisampleState = &multisample;
+  info.pColorBlendState = &colour;
+  info.layout = layout;
+  info.renderPass = pass;
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vkCreateGraphicsPipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateGraphicsPipelines");
+  work.onDestroy([d, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
+  work.device.run([&](VkCommandBuffer commands) {
+    fullBarrier(commands);
+    auto begin = structure<VkRenderPassBeginInfo>(VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO);
+    begin.renderPass = pass;
+    begin.framebuffer = target;
+    begin.renderArea = scissor;
+    vkCmdBeginRenderPass(commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
+    VkDeviceSize zero = 0;
+    if (p.vertices) vkCmdBindVertexBuffers(commands, 0, 1, &p.vertices, &zero);
+    vkCmdDraw(commands, p.points ? p.points : 3, 1, 0, 0);
+    vkCmdEndRenderPass(commands);
+    fullBarrier(commands);
+  });
 }
 
 }  // namespace pumice::cts
