@@ -35,6 +35,17 @@ Value bitField(Builder& b, const FormatInfo& f, const RawElement& raw, const Com
   return v;
 }
 
+// A field's bits where they stand, if nothing has to be shifted out below it anyway: its value times 2^unshifted().
+unsigned unshifted(const FormatInfo& f, const Component& c) {
+  Place p = placeOf(f, c);
+  return p.shift + c.bits < typeBytes(rawLoads(f).type) * 8 ? p.shift : 0;
+}
+Value unshiftedBitField(Builder& b, const FormatInfo& f, const RawElement& raw, const Component& c) {
+  Place p = placeOf(f, c);
+  if (!unshifted(f, c)) return bitField(b, f, raw, c);
+  return b.and_(raw[p.word], b.i32(lowMask(c.bits) << p.shift));
+}
+
 Value signedBitField(Builder& b, const FormatInfo& f, const RawElement& raw, const Component& c) {
   Place p = placeOf(f, c);
   Value v = raw[p.word];
@@ -65,8 +76,8 @@ Value decode(Builder& b, const FormatInfo& f, const RawElement& raw, const Compo
   }
   switch (c.numeric) {
     case Numeric::Unorm: {
-      Value v = b.convert(Op::UToF, Type::F32, bitField(b, f, raw, c));
-      return scale ? divideExact(b, v, lowMask(c.bits)) : v;
+      if (!scale) return b.convert(Op::UToF, Type::F32, unshiftedBitField(b, f, raw, c));
+      return divideExact(b, b.convert(Op::UToF, Type::F32, bitField(b, f, raw, c)), lowMask(c.bits));
     }
     case Numeric::Snorm: {
       Value v = b.convert(Op::SToF, Type::F32, signedBitField(b, f, raw, c));
@@ -215,10 +226,12 @@ Texel unpackWith(Builder& b, const FormatInfo& f, const RawElement& raw, bool sc
 }  // namespace
 
 // The reciprocal in two parts.
-Value divideExact(Builder& b, Value v, uint32_t divisor) {
-  if (divisor == 1) return v;
+Value divideExact(Builder& b, Value v, uint32_t divisor, unsigned exponent) {
+  if (divisor == 1) return exponent ? b.fmul(v, b.f32(std::ldexp(1.0f, -int(exponent)))) : v;
   float high = float(1.0 / divisor);
   float low = float(1.0 / divisor - double(high));
+  high = std::ldexp(high, -int(exponent));
+  low = std::ldexp(low, -int(exponent));
   return b.fma(v, b.f32(high), b.fmul(v, b.f32(low)));
 }
 
@@ -248,7 +261,7 @@ Texel unpackUnscaled(Builder& b, const FormatInfo& f, const RawElement& raw) { r
 Texel scaleTexel(Builder& b, const FormatInfo& f, const Texel& unscaled) {
   Texel t = unscaled;
   for (int i = 0; i < 4; ++i)
-    if (f.rgba[i].bits && isUnscaled(f.rgba[i])) t[i] = divideExact(b, t[i], lowMask(f.rgba[i].bits));
+    if (f.rgba[i].bits && isUnscaled(f.rgba[i])) t[i] = divideExact(b, t[i], lowMask(f.rgba[i].bits), unshifted(f, f.rgba[i]));
   return t;
 }
 

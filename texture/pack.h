@@ -5,13 +5,15 @@
 
 namespace pumice::texture {
 
-//! unpack() without the division of Unorm components by 2^n - 1: filtering is linear, so one division after it does.
+//! unpack() without the division of Unorm components by 2^n - 1, and times a power of two where that saves a shift: filtering is
+//! linear, so one division after it does, with the same bits.
 Texel unpackUnscaled(ir::Builder& b, const FormatInfo& f, const RawElement& raw);
 //! The division that unpackUnscaled() left out.
 Texel scaleTexel(ir::Builder& b, const FormatInfo& f, const Texel& unscaled);
 
-//! v / divisor of integers in f32, |v| <= divisor: correctly rounded for every divisor that formats have (tested for each).
-ir::Value divideExact(ir::Builder& b, ir::Value v, uint32_t divisor);
+//! v / (divisor * 2^exponent) of integers v / 2^exponent in f32, |v| <= divisor: correctly rounded for every divisor that formats have
+//! (tested for each).
+ir::Value divideExact(ir::Builder& b, ir::Value v, uint32_t divisor, unsigned exponent = 0);
 
 //! Loads an element's raw words; outside `size` they are zero.
 RawElement loadRaw(ir::Builder& b, const FormatInfo& f, ir::Value base, ir::Value offset, ir::Value size, bool constant);

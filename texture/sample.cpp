@@ -110,6 +110,13 @@ class Filter {
     }
   }
 
+  // REPEAT of an index that can leave the image on one side only: the coordinate was brought to [0, 1], so the first of two texels may
+  // be -1, the second or a nearest one the size.
+  Value wrapOnce(Value i, Value extent, bool below) {
+    Value last = b_.isub(extent, b_.i32(1)), zero = b_.i32(0);
+    return below ? b_.select(b_.slt(i, zero), last, i) : b_.select(b_.slt(last, i), zero, i);
+  }
+
   Axis makeAxis(unsigned n, Value u, Value extent, Value offset) {
     const uint8_t mode = mode_[n];
     const bool anyInteger = offset != 0;
@@ -145,7 +152,8 @@ class Filter {
         continue;
       }
       if (mode == VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER) a.inside[k] = b_.ult(i, extent);
-      a.index[k] = wrapIndex(mode, i, extent, anyInteger);
+      a.index[k] = mode == VK_SAMPLER_ADDRESS_MODE_REPEAT && !anyInteger && !s_.sampler.key.unnormalized && !linearMask_ ? wrapOnce(i, extent, k == 0 && linear_)
+                                                                                                                     : wrapIndex(mode, i, extent, anyInteger);
     }
     return a;
   }
@@ -170,28 +178,57 @@ class Filter {
   }
 
   // A footprint of 2x2 texels over the edges of a cube. Where three faces meet there is no fourth texel: it is the average of the
-  // other three (spec, "Cube Map Corner Filtering").
+  // other three (spec, "Cube Map Corner Filtering"). Few footprints leave their face: both cases are branches.
   Texel reduceCube(const Point& p, const LevelView& level, const Axis* axis) {
-    Texel t[4];
     Value outside[2][2];
     for (unsigned i = 0; i < 2; ++i)
       for (unsigned k = 0; k < 2; ++k) outside[i][k] = b_.maskNot(b_.ult(axis[i].index[k], level.extent[i]));
-    for (unsigned n = 0; n < 4; ++n) t[n] = corner(p, level, axis, n);
-    Texel original[4] = {t[0], t[1], t[2], t[3]};
+    Value place[4][3];  // variables: x, y, face
     for (unsigned n = 0; n < 4; ++n) {
-      Value missing = b_.maskAnd(outside[0][n & 1], outside[1][n >> 1]);
-      const Texel &o1 = original[n ^ 1], &o2 = original[n ^ 2], &o3 = original[n ^ 3];
-      for (int c = 0; c < 4; ++c) {
-        if (b_.isConstant(t[n][c])) continue;
-        Value third = b_.fmul(b_.fadd(b_.fadd(o1[c], o2[c]), o3[c]), b_.f32(1.0f / 3.0f));
-        t[n][c] = b_.select(missing, third, t[n][c]);
+      const Value inside[3] = {axis[0].index[n & 1], axis[1].index[n >> 1], p.face};
+      for (int i = 0; i < 3; ++i) {
+        place[n][i] = b_.var(Type::I32);
+        b_.set(place[n][i], inside[i]);
       }
     }
+    b_.beginIf(b_.maskOr(b_.maskOr(outside[0][0], outside[0][1]), b_.maskOr(outside[1][0], outside[1][1])));
+    for (unsigned n = 0; n < 4; ++n) {
+      Value x = axis[0].index[n & 1], y = axis[1].index[n >> 1], face = p.face;
+      acrossEdge(p, level.extent[0], x, y, face);
+      b_.set(place[n][0], x);
+      b_.set(place[n][1], y);
+      b_.set(place[n][2], face);
+    }
+    b_.endIf();
+    Texel t[4];
+    for (unsigned n = 0; n < 4; ++n) {
+      Value at[3] = {b_.get(place[n][0]), b_.get(place[n][1]), 0};
+      t[n] = texel(level, at, cubeLayer(p, b_.get(place[n][2])));
+    }
     Texel out;
+    auto constant = [&](int c) { return b_.isConstant(t[0][c]) && t[0][c] == t[1][c] && t[0][c] == t[2][c] && t[0][c] == t[3][c]; };
+    auto filtered = [&](int c, Value t0, Value t1, Value t2, Value t3) {
+      return constant(c) ? t0 : combine(combine(t0, t1, axis[0].weight), combine(t2, t3, axis[0].weight), axis[1].weight);
+    };
+    Value missing[4], any = 0;
+    for (unsigned n = 0; n < 4; ++n) {
+      missing[n] = b_.maskAnd(outside[0][n & 1], outside[1][n >> 1]);
+      any = any ? b_.maskOr(any, missing[n]) : missing[n];
+    }
     for (int c = 0; c < 4; ++c) {
-      out[c] = t[0][c];
-      if (b_.isConstant(t[0][c]) && t[0][c] == t[1][c] && t[0][c] == t[2][c] && t[0][c] == t[3][c]) continue;
-      out[c] = combine(combine(t[0][c], t[1][c], axis[0].weight), combine(t[2][c], t[3][c], axis[0].weight), axis[1].weight);
+      out[c] = filtered(c, t[0][c], t[1][c], t[2][c], t[3][c]);
+      if (constant(c)) continue;
+      Value v = b_.var(Type::F32);
+      b_.set(v, out[c]);
+      b_.beginIf(any);
+      Value whole[4];
+      for (unsigned n = 0; n < 4; ++n) {
+        Value third = b_.fmul(b_.fadd(b_.fadd(t[n ^ 1][c], t[n ^ 2][c]), t[n ^ 3][c]), b_.f32(1.0f / 3.0f));
+        whole[n] = b_.select(missing[n], third, t[n][c]);
+      }
+      b_.set(v, filtered(c, whole[0], whole[1], whole[2], whole[3]));
+      b_.endIf();
+      out[c] = b_.get(v);
     }
     return out;
   }
@@ -231,15 +268,24 @@ class Filter {
     if (s_.isCube()) {
       Value face = p.face;
       if (linear_) acrossEdge(p, level.extent[0], at[0], at[1], face);
-      layer = p.base ? b_.iadd(p.base, face) : face;
+      layer = cubeLayer(p, face);
     }
-    SliceAddress slice = sliceAddress(s_.fields, level.level, layer, s_.dimensions > 2 ? at[2] : 0, 0);
-    Texel t = texelAt(slice, at);
+    Texel t = loadTexel(level, at, layer);
     if (inside) {
       for (unsigned c = 0; c < 4; ++c) t[c] = b_.select(inside, t[c], borderComponent(c));
     }
-    if (compare_) t = compared(t);
-    return t;
+    return compare_ ? compared(t) : t;
+  }
+
+  Value cubeLayer(const Point& p, Value face) { return p.base ? b_.iadd(p.base, face) : face; }
+
+  Texel texel(const LevelView& level, const Value (&at)[3], Value layer) {
+    Texel t = loadTexel(level, at, layer);
+    return compare_ ? compared(t) : t;
+  }
+
+  Texel loadTexel(const LevelView& level, const Value (&at)[3], Value layer) {
+    return texelAt(sliceAddress(s_.fields, level.level, layer, s_.dimensions > 2 ? at[2] : 0, 0), at);
   }
 
   Texel texelAt(const SliceAddress& slice, const Value (&at)[3]) {
