@@ -170,6 +170,30 @@ TEST_P(CompressedFormat, TrilinearCube) {
   });
 }
 
+// Volumes are slices of blocks; both drivers must have them to be compared.
+TEST_P(CompressedFormat, EveryTexelOfAVolume) {
+  const BlockFormat& f = GetParam();
+  VkImageFormatProperties p{};
+  ASSERT_EQ(vkGetPhysicalDeviceImageFormatProperties(world().tested->physical, f.format, VK_IMAGE_TYPE_3D, VK_IMAGE_TILING_OPTIMAL, kUsage, 0, &p), VK_SUCCESS);
+  if (vkGetPhysicalDeviceImageFormatProperties(world().peer->physical, f.format, VK_IMAGE_TYPE_3D, VK_IMAGE_TILING_OPTIMAL, kUsage, 0, &p)) return;
+  std::vector<glm::vec4> questions;
+  for (int z = 0; z < 5; ++z)
+    for (int y = 0; y < 10; ++y)
+      for (int x = 0; x < 14; ++x) questions.push_back({x, y, z, 0});
+  askBoth(f, f.tolerance, questions, [&](Workspace& work, const std::vector<glm::vec4>& q) {
+    ImageSpec spec;
+    spec.format = f.format;
+    spec.type = VK_IMAGE_TYPE_3D;
+    spec.extent = {14, 10, 5};
+    spec.mips = 2;
+    spec.usage = kUsage;
+    Image image = work.image(spec);
+    fill(work, image, f, 7);
+    return probe(work, "layout(binding = 2) uniform sampler3D image;", "answer = texelFetch(image, ivec3(ask(0).xyz), 0);",
+                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_3D}), makeSampler(work, samplerInfo()))}, q);
+  });
+}
+
 // Blits read compressed images; the target is a float image, which rounds nothing away.
 TEST_P(CompressedFormat, BlitToFloat) {
   const BlockFormat& f = GetParam();

@@ -228,6 +228,46 @@ TEST(Sample, ImplicitLevelFollowsTheDerivatives) {
   EXPECT_NEAR(real(out[0][0]) * 255 / 30, 3.0, 1e-3);
 }
 
+// Filtering leaves the division (and shifts) of Unorm texels to the end: the same value for every layout of components.
+TEST(Sample, LinearFilterOfEveryUnormFormat) {
+  for (const FormatInfo& f : allFormats()) {
+    if (f.isCompressed() || f.isDepthStencil() || f.rgba[0].numeric != Numeric::Unorm) continue;
+    SCOPED_TRACE(f.name);
+    Bound t(randomImage(f.format, {16, 16, 1}));
+    t.view.format = formatKey(f);
+    t.address(VK_SAMPLER_ADDRESS_MODE_REPEAT);
+    t.filter(VK_FILTER_LINEAR, VK_FILTER_LINEAR);
+    ir::ImageOpInfo fetch;
+    fetch.kind = ImageKind::Fetch;
+    std::vector<std::vector<uint32_t>> places(2);
+    for (uint32_t i = 0; i < 256; ++i) {
+      places[0].push_back(i % 16);
+      places[1].push_back(i / 16);
+    }
+    auto texels = t.run(fetch, {Type::I32, Type::I32}, places);
+    ir::ImageOpInfo op;
+    op.operands = ir::kImageLod;
+    std::mt19937 random(uint32_t(f.format));
+    std::vector<std::vector<uint32_t>> in(3);
+    for (int n = 0; n < 512; ++n) {
+      // -1e-9 comes out as exactly 1 when its periodic part is removed.
+      for (size_t i = 0; i < 2; ++i) in[i].push_back(word(n == int(i) ? -1e-9f : float(random() % 8192) / 2048.0f - 2.0f));
+      in[2].push_back(0);
+    }
+    auto out = t.run(op, std::vector<Type>(3, Type::F32), in);
+    for (size_t n = 0; n < 512; ++n) {
+      double x = real(in[0][n]) * 16.0 - 0.5, y = real(in[1][n]) * 16.0 - 0.5;
+      int x0 = int(std::floor(x)), y0 = int(std::floor(y));
+      double a = x - x0, b = y - y0;
+      for (size_t c = 0; c < 4; ++c) {
+        auto texel = [&](int tx, int ty) { return double(real(texels[c][size_t((ty & 15) * 16 + (tx & 15))])); };
+        double want = (1 - b) * ((1 - a) * texel(x0, y0) + a * texel(x0 + 1, y0)) + b * ((1 - a) * texel(x0, y0 + 1) + a * texel(x0 + 1, y0 + 1));
+        ASSERT_NEAR(real(out[c][n]), want, 4e-7) << "component " << c << " at " << real(in[0][n]) << ", " << real(in[1][n]);
+      }
+    }
+  }
+}
+
 TEST(Sample, CubeFacesAreChosenByTheMajorAxisAndEdgesAreSeamless) {
   Bound t(TestImage(VK_FORMAT_R8G8B8A8_UNORM, {8, 8, 1}, 1, 6), VK_IMAGE_VIEW_TYPE_CUBE);
   // Colours are a smooth function of direction: (d + 1) / 2 per component.
