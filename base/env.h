@@ -22,7 +22,9 @@ namespace pumice::base {
     "what runs routines: the interpreter, or machine code made for them (where that is possible)") \
   X(PerfMap, "PUMICE_PERF_MAP", "1 or 0", "0", "write /tmp/perf-PID.map, so that perf names the routines in its reports") \
   X(Dump, "PUMICE_DUMP", "ir, asm or both", "nothing", "print routines as they are compiled")      \
-  X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did")
+  X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did") \
+  X(Watchdog, "PUMICE_WATCHDOG_SECONDS", "1 to 86400", "no limit",                                \
+    "a submission that runs longer is stopped and the device is lost")
 
 enum class EnvVar : int {
 #define PUMICE_ENV_ID(id, name, values, fallback, description) id,

@@ -72,8 +72,11 @@ struct ThreadPool::Loop {
   unsigned inside = 0;  // workers that may still touch this
   std::condition_variable empty;
   Loop* following = nullptr;
+  const std::atomic<bool>* cancelled;
 
-  bool exhausted() const { return next.load(std::memory_order_relaxed) >= count; }
+  bool exhausted() const {
+    return next.load(std::memory_order_relaxed) >= count || cancelled->load(std::memory_order_relaxed);
+  }
 
   void work(unsigned worker) {
     while (true) {
@@ -181,7 +184,8 @@ void ThreadPool::run(uint32_t count, void* context, Call call) {
   if (count == 0) return;
   ScopedFpEnv environment;
   if (count == 1 || threads_ == 1) {
-    for (uint32_t index = 0; index < count; index++) call(context, index, 0);
+    for (uint32_t index = 0; index < count && !cancelled_.load(std::memory_order_relaxed); index++)
+      call(context, index, 0);
     return;
   }
 
@@ -189,6 +193,7 @@ void ThreadPool::run(uint32_t count, void* context, Call call) {
   loop.count = count;
   loop.context = context;
   loop.call = call;
+  loop.cancelled = &cancelled_;
   const unsigned wanted = std::min(threads_, count) - 1;
   unsigned toWake;
   {

@@ -52,6 +52,10 @@ class ThreadPool {
   // Worker indices given to loops are below this.
   unsigned workerCount() const { return threads_; }
 
+  // For good: items that nobody has begun are left out from now on. Those that have been begun may look at cancelled().
+  void cancel() { cancelled_.store(true, std::memory_order_relaxed); }
+  const std::atomic<bool>& cancelled() const { return cancelled_; }
+
   // Calls fn(uint32_t index, unsigned worker) once for each index below count, in any order and on several
   // threads, and returns when all are done; what they wrote is then visible. The caller takes part, as
   // worker 0. Within one loop no two threads have the same worker index; in loops that run at the same time
@@ -77,6 +81,7 @@ class ThreadPool {
   std::unique_ptr<Shared> shared_;  // what callers and workers look at
   std::vector<Thread> workers_;     // guarded by the mutex in shared_
   bool startFailed_ = false;        // so is this
+  std::atomic<bool> cancelled_{false};
   std::atomic<pid_t> process_{0};   // the one the workers were started in
 
   void startWorkers(unsigned wanted);

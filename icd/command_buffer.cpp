@@ -32,7 +32,7 @@ void CommandBuffer::reset() {
 
 void CommandBuffer::execute(Execution& e) const {
   Command* outer = e.current;
-  for (Command* c = head; c;) {
+  for (Command* c = head; c && !e.pool.cancelled();) {
     e.current = c;
     if (c->run) c->run(c, e);
     c = e.jump ? std::exchange(e.jump, nullptr) : c->next;

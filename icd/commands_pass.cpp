@@ -227,7 +227,7 @@ static void recordWaitEvents(VkCommandBuffer b, uint32_t count, const VkEvent* e
   CommandBuffer& cb = *from(b);
   auto kept = cb.keep(events, count);
   cb.record([kept](Execution& e) {
-    e.hub.wait(~0ull, [&] { return std::all_of(kept.begin(), kept.end(), [](VkEvent h) { return from(h)->set; }); });
+    e.hub.waitOrLost(~0ull, [&] { return std::all_of(kept.begin(), kept.end(), [](VkEvent h) { return from(h)->set; }); });
   });
 }
 

@@ -1,10 +1,20 @@
 #include "icd/queue.h"
 
 #include "base/fpenv.h"
+#include "base/env.h"
 #include "base/log.h"
 #include "entrypoints.h"
 
 namespace pumice::icd {
+
+QueueWorker::QueueWorker(Device& device) : device_(device) {
+  if (const auto seconds = base::envInteger(base::EnvVar::Watchdog, 1, 86400))
+    watchdog_ = std::make_unique<Watchdog>(std::chrono::seconds(*seconds), [this, s = *seconds] {
+      base::logError("a submission ran for more than %lld s: the device is lost (PUMICE_WATCHDOG_SECONDS)", (long long)s);
+      hub_.lose();
+      device_.pool.cancel();
+    });
+}
 
 QueueWorker::~QueueWorker() {
   {
@@ -29,15 +39,17 @@ void QueueWorker::finish(const Submission& s) {
 
 void QueueWorker::run(Submission& s) {
   // A binary semaphore is unsignalled by the wait.
-  hub_.wait(~0ull, [&] { return ready(s); });
+  const bool lost = hub_.waitOrLost(~0ull, [&] { return ready(s); }) < 0;
   hub_.update([&] {
     for (const SemaphoreValue& w : s.waits)
       if (!w.semaphore->timeline) w.semaphore->value = 0;
   });
-  if (!s.commandBuffers.empty()) {
+  if (!s.commandBuffers.empty() && !lost) {
     if (!execution_) execution_ = std::make_unique<Execution>(device_, hub_);
+    const Watchdog::Guard guard(watchdog_.get());
     for (CommandBuffer* buffer : s.commandBuffers) buffer->execute(*execution_);
   }
+  // What was submitted to a lost device counts as done: whoever waits comes back, and is told.
   if (s.work) s.work();
   hub_.update([&] { finish(s); });
 }
@@ -84,13 +96,17 @@ void QueueWorker::main() {
   }
 }
 
-void QueueWorker::waitIdle() {
-  std::unique_lock lock(mutex_);
-  idle_.wait(lock, [&] { return pending_.empty() && !busy_; });
+VkResult QueueWorker::waitIdle() {
+  {
+    std::unique_lock lock(mutex_);
+    idle_.wait(lock, [&] { return pending_.empty() && !busy_; });
+  }
+  return hub_.lost() ? VK_ERROR_DEVICE_LOST : VK_SUCCESS;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit(VkQueue handle, uint32_t count, const VkSubmitInfo* infos, VkFence fence) {
   QueueWorker& worker = *from(handle)->worker;
+  if (worker.hub().lost()) return VK_ERROR_DEVICE_LOST;
   try {
     for (uint32_t i = 0; i < count; i++) {
       const VkSubmitInfo& info = infos[i];
@@ -121,6 +137,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit(VkQueue handle, uint32_t count, con
 
 VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit2(VkQueue handle, uint32_t count, const VkSubmitInfo2* infos, VkFence fence) {
   QueueWorker& worker = *from(handle)->worker;
+  if (worker.hub().lost()) return VK_ERROR_DEVICE_LOST;
   auto value = [](const VkSemaphoreSubmitInfo& i) { return SemaphoreValue{from(i.semaphore), from(i.semaphore)->timeline ? i.value : 1}; };
   try {
     for (uint32_t i = 0; i < count + (count == 0); i++) {
@@ -141,13 +158,11 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit2(VkQueue handle, uint32_t count, co
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkQueueWaitIdle(VkQueue queue) {
-  from(queue)->worker->waitIdle();
-  return VK_SUCCESS;
+  return from(queue)->worker->waitIdle();
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkDeviceWaitIdle(VkDevice device) {
-  from(device)->queue.worker->waitIdle();
-  return VK_SUCCESS;
+  return from(device)->queue.worker->waitIdle();
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkQueueBindSparse(VkQueue, uint32_t, const VkBindSparseInfo*, VkFence) {

@@ -7,6 +7,7 @@
 
 #include "icd/command_buffer.h"
 #include "icd/sync.h"
+#include "icd/watchdog.h"
 
 namespace pumice::icd {
 
@@ -27,12 +28,13 @@ struct Submission {
 
 class QueueWorker {
  public:
-  explicit QueueWorker(Device& device) : device_(device) {}
+  explicit QueueWorker(Device& device);
   ~QueueWorker();
   SyncHub& hub() { return hub_; }
   //! False when memory or threads run out.
   bool submit(Submission&& submission);
-  void waitIdle();
+  //! VK_ERROR_DEVICE_LOST once the watchdog has ended a submission.
+  VkResult waitIdle();
 
  private:
   void main();
@@ -47,6 +49,7 @@ class QueueWorker {
   std::deque<Submission> pending_;
   bool busy_ = false, stop_ = false;
   std::unique_ptr<Execution> execution_;
+  std::unique_ptr<Watchdog> watchdog_;   // null: no limit
   base::Thread thread_;
 };
 

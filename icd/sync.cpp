@@ -45,13 +45,14 @@ VKAPI_ATTR VkResult VKAPI_CALL vkResetFences(VkDevice device, uint32_t count, co
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetFenceStatus(VkDevice device, VkFence fence) {
+  if (hub(device).lost()) return VK_ERROR_DEVICE_LOST;
   return hub(device).read([&] { return from(fence)->signaled; }) ? VK_SUCCESS : VK_NOT_READY;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkWaitForFences(VkDevice device, uint32_t count, const VkFence* fences, VkBool32 all, uint64_t timeout) {
   auto signaled = [](VkFence f) { return from(f)->signaled; };
   auto ready = [&] { return all ? std::all_of(fences, fences + count, signaled) : std::any_of(fences, fences + count, signaled); };
-  return hub(device).wait(timeout, ready) ? VK_SUCCESS : VK_TIMEOUT;
+  return hub(device).waitOrLost(timeout, ready);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateSemaphore(VkDevice device, const VkSemaphoreCreateInfo* info, const VkAllocationCallbacks* callbacks, VkSemaphore* out) {
@@ -68,6 +69,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSemaphore(VkDevice device, const VkSemaph
 VKAPI_ATTR void VKAPI_CALL vkDestroySemaphore(VkDevice device, VkSemaphore s, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(s)); }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetSemaphoreCounterValue(VkDevice device, VkSemaphore s, uint64_t* value) {
+  if (hub(device).lost()) return VK_ERROR_DEVICE_LOST;
   *value = hub(device).read([&] { return from(s)->value; });
   return VK_SUCCESS;
 }
@@ -79,7 +81,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkWaitSemaphores(VkDevice device, const VkSemapho
       if ((from(info->pSemaphores[i])->value >= info->pValues[i]) == any) return any;
     return !any;
   };
-  return hub(device).wait(timeout, ready) ? VK_SUCCESS : VK_TIMEOUT;
+  return hub(device).waitOrLost(timeout, ready);
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkSignalSemaphore(VkDevice device, const VkSemaphoreSignalInfo* info) {
@@ -97,6 +99,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateEvent(VkDevice device, const VkEventCreat
 VKAPI_ATTR void VKAPI_CALL vkDestroyEvent(VkDevice device, VkEvent e, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(e)); }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetEventStatus(VkDevice device, VkEvent e) {
+  if (hub(device).lost()) return VK_ERROR_DEVICE_LOST;
   return hub(device).read([&] { return from(e)->set; }) ? VK_EVENT_SET : VK_EVENT_RESET;
 }
 
@@ -137,7 +140,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetQueryPoolResults(VkDevice device, VkQueryPoo
   VkResult result = VK_SUCCESS;
   for (uint32_t i = 0; i < count; i++) {
     const Query& query = from(handle)->queries[first + i];
-    if (flags & VK_QUERY_RESULT_WAIT_BIT) hub(device).wait(~0ull, [&] { return query.available; });
+    if (flags & VK_QUERY_RESULT_WAIT_BIT && hub(device).waitOrLost(~0ull, [&] { return query.available; }) < 0) return VK_ERROR_DEVICE_LOST;
     uint64_t offset = i * stride;
     hub(device).read([&] {
       if (!writeQueryResult(query, flags, out + offset, offset < bytes ? bytes - offset : 0)) result = VK_NOT_READY;

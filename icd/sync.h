@@ -44,11 +44,25 @@ class SyncHub {
     waiters_--;
     return result;
   }
+  //! The same, for what a lost device may never do: VK_SUCCESS, VK_TIMEOUT or VK_ERROR_DEVICE_LOST.
+  template <typename Ready>
+  VkResult waitOrLost(uint64_t timeout, Ready&& ready) {
+    bool lost = false;
+    const bool done = wait(timeout, [&] { return (lost = lost_) || ready(); });
+    return lost ? VK_ERROR_DEVICE_LOST : done ? VK_SUCCESS : VK_TIMEOUT;
+  }
+  void lose() {
+    update([&] { lost_ = true; });
+  }
+  bool lost() {
+    return read([&] { return lost_; });
+  }
 
  private:
   std::mutex mutex_;
   std::condition_variable changed_;
   uint32_t waiters_ = 0;
+  bool lost_ = false;
 };
 
 struct Fence {

@@ -35,6 +35,7 @@ struct DispatchRun {
   const interp::Tables& tables;
   std::array<uint32_t, 3> baseGroup, groupCount;
   uint32_t invocations;   // of one work group
+  const std::atomic<bool>* stop;
 
   //! Invocations [first, first + lanes) of the stream of all work groups' invocations.
   void fill(Row& row, uint64_t first, uint32_t lanes) const {
@@ -54,6 +55,7 @@ struct DispatchRun {
     row.context = {};
     row.context.inputs = row.inputs;
     row.context.tables = tables;
+    row.context.stop = stop;
     row.context.lanes = lanes;
     for (uint32_t i = 0; i < interp::kMaxLanes / 64; ++i) {
       const int64_t n = std::clamp<int64_t>(int64_t(lanes) - 64 * int64_t(i), 0, 64);
@@ -64,7 +66,7 @@ struct DispatchRun {
   //! Small work groups in common rows, one row after the other.
   void stream(uint64_t first, uint64_t count) const {
     Row row;
-    for (uint64_t end = first + count; first < end;) {
+    for (uint64_t end = first + count; first < end && !stop->load(std::memory_order_relaxed);) {
       const uint32_t lanes = uint32_t(std::min<uint64_t>(end - first, interp::kMaxLanes));
       fill(row, first, lanes);
       routine.code->run(bank, row.context);
@@ -134,7 +136,7 @@ void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t
   const interp::UniformBank bank = routine->code->preamble(tables);
 
   const uint32_t invocations = routine->localSize[0] * routine->localSize[1] * routine->localSize[2];
-  const DispatchRun run{*routine, bank, tables, {baseGroup[0], baseGroup[1], baseGroup[2]}, {groupCount[0], groupCount[1], groupCount[2]}, invocations};
+  const DispatchRun run{*routine, bank, tables, {baseGroup[0], baseGroup[1], baseGroup[2]}, {groupCount[0], groupCount[1], groupCount[2]}, invocations, &pool.cancelled()};
   const uint64_t groups = uint64_t(groupCount[0]) * groupCount[1] * groupCount[2];
 
   // Small work groups share rows unless they could notice: by shared memory, barriers, subgroup operations or waiting.

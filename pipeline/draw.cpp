@@ -119,6 +119,7 @@ struct FrontDraw {
   const Indices& indices;
   VkPrimitiveTopology topology;
   uint32_t firstVertex, firstInstance;
+  const std::atomic<bool>* stop;
 
   //! Calls f(position) for the index positions of a segment's vertices.
   template <typename F>
@@ -161,6 +162,7 @@ float* const* FrontDraw::shade(FrontWorker& w) const {
   context.inputs = reinterpret_cast<const void* const*>(inputs);
   context.outputs = outputs;
   context.tables = tables;
+  context.stop = stop;
   for (uint32_t at = 0; at < count; at += interp::kMaxLanes) {
     context.lanes = std::min(count - at, interp::kMaxLanes);
     for (uint32_t i = 0; i < interp::kMaxLanes / 64; ++i) {
@@ -315,13 +317,13 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   if (record.fragment) setup.varyings = record.fragment->varyings;
 
   const interp::UniformBank bank = vertex.code->preamble(record.tables);
-  const FrontDraw shared{vertex, bank, record.tables, setup, indices, fixed.topology, params.first, params.firstInstance};
+  const FrontDraw shared{vertex, bank, record.tables, setup, indices, fixed.topology, params.first, params.firstInstance, &pool.cancelled()};
   const std::vector<Run> runs = findRuns(fixed, indices, params.count);
   ChunkSource source(runs, params.instanceCount);
   const uint64_t primitiveBytes = sizeof(raster::Primitive) + sizeof(raster::BinEntry) +
                                   (2 + setup.varyings.size()) * sizeof(raster::Plane) + setup.varyings.size() * 4;
   std::vector<Chunk> chunks;
-  while (!source.done()) {
+  while (!source.done() && !pool.cancelled()) {
     chunks.clear();
     while (chunks.size() < kWaveChunks && !source.done()) chunks.push_back(source.next());
     pool.parallelFor(uint32_t(chunks.size()), [&](uint32_t i, unsigned worker) { shared.run(*front[worker], chunks[i]); });

@@ -146,6 +146,7 @@ void TileWorker::flushQuads() {
   for (uint32_t n = count_; n < kQuads; ++n) quadRecords_[n] = quadRecords_[0];
   context.quadRecords = quadRecords_;
   context.tilePlanes = planes_;
+  context.stop = &pass_.pool.cancelled();
   draw_->fragment->code->run(draw_->bank, context);
 
   quads += count_;

@@ -151,7 +151,7 @@ VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore,
       }
     return false;
   };
-  if (!hub(s).wait(timeout, ready)) return timeout ? VK_TIMEOUT : VK_NOT_READY;
+  if (VkResult waited = hub(s).waitOrLost(timeout, ready)) return waited == VK_TIMEOUT && !timeout ? VK_NOT_READY : waited;
   if (result >= 0 && (semaphore || fence)) hub(s).update([] {});
   return result;
 }
@@ -236,6 +236,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
       for (const Item& item : items) item.swapchain->present(worker.hub(), item.index);
     };
     if (!worker.submit(std::move(submission))) throw std::bad_alloc();
+    if (worker.hub().lost()) result = VK_ERROR_DEVICE_LOST;
   } catch (const std::bad_alloc&) {
     worker.hub().update([&] {
       for (const Item& item : items) item.swapchain->pending--;

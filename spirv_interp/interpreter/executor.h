@@ -4,6 +4,7 @@
 // (executors may read and write whole vectors up to kMaxLanes elements).
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -46,6 +47,7 @@ struct ExecContext {
   const TilePlane* tilePlanes = nullptr;
   std::byte* shared = nullptr;                      //!< work-group memory
   uint64_t sharedBytes = 0;
+  const std::atomic<bool>* stop = nullptr;          //!< once set, loops are left within a few hundred turns and the row counts as finished
 };
 
 //! Draw-rate values, computed once per draw by the preamble. Read-only during run().

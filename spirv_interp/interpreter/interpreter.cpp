@@ -32,6 +32,8 @@ class Scratch {
 };
 thread_local Scratch scratch;
 
+inline bool stopped(const RunState& s) { return s.context->stop && s.context->stop->load(std::memory_order_relaxed); }
+
 constexpr uint32_t kTurns = 256;   //!< of a loop, before a row gives way
 
 //! Until the end, a barrier, or a loop's turns are used up.
@@ -90,7 +92,8 @@ class Interpreted final : public Executable {
       if (!s.registers) return base::logError("out of memory: %u lanes were not run", context.lanes);
     }
     begin(s, bank, context);
-    while (s.next) execute(s);
+    do execute(s);
+    while (s.next && !stopped(s));
   }
 
   std::unique_ptr<RowState> newRowState() const override {
@@ -127,7 +130,8 @@ class Interpreted final : public Executable {
   }
   Progress advance(RunState& s) const {
     do execute(s);
-    while (s.next && !s.atBarrier && !p_.mayWait);
+    while (s.next && !s.atBarrier && !p_.mayWait && !stopped(s));
+    if (stopped(s)) s.next = nullptr;
     return !s.next ? Progress::Finished : s.atBarrier ? Progress::Barrier : Progress::Yielded;
   }
 
