@@ -6,6 +6,8 @@ namespace pumice::ir {
 
 namespace {
 
+constexpr uint64_t kMostRemembered = 16 * 1024;   //!< bytes of a private array whose doubles are kept
+
 bool isSmall(Type t) { return t == Type::F16 || t == Type::F32; }
 
 //! Each value of a small float type has a natural form: *narrow* (the declared type; its bits count: loads, casts) or
@@ -13,7 +15,7 @@ bool isSmall(Type t) { return t == Type::F16 || t == Type::F32; }
 class Widener {
  public:
   explicit Widener(const Function& f)
-      : in_(f), out_(withoutInstructions(f)), b_(out_), wide_(f.insts.size()), other_(f.insts.size()), form_(f.insts.size()) {}
+      : in_(f), out_(withoutInstructions(f)), b_(out_), wide_(f.insts.size()), other_(f.insts.size()), form_(f.insts.size()), doubles_(f.insts.size()) {}
 
   Function run() {
     findNatural();
@@ -33,12 +35,14 @@ class Widener {
 
   bool keeps(const Inst& i) const { return i.op == Op::FToF && (i.flags & kInstKeep) && (i.type == Type::F64) != (in_.type(in_.operands(i)[0]) == Type::F64); }
   static bool moves(Op op) { return op == Op::Select || op == Op::FNeg || op == Op::FAbs || op == Op::QuadSwizzle || op == Op::SubgroupShuffle; }
+  //! Private arrays and work-group memory keep the double beside the declared value.
+  static bool remembers(Op op) { return op == Op::LocalLoad || op == Op::SharedLoad; }
   static bool computes(Op op) { return (opInfo(op).operands == OperandRule::Float && !moves(op)) || op == Op::SubgroupReduce; }
 
   bool natural(Value v) const {
     const Inst& i = in_.insts[v];
     const auto o = in_.operands(i);
-    if (computes(i.op) || i.op == Op::SToF || i.op == Op::UToF) return true;
+    if (computes(i.op) || i.op == Op::SToF || i.op == Op::UToF || remembers(i.op)) return true;
     if (i.op == Op::FToF) return keeps(i);
     if (i.op == Op::VarGet) return wide_[o[0]];
     if (i.op == Op::Select) return wide_[o[1]] || wide_[o[2]];
@@ -96,7 +100,42 @@ class Widener {
       const bool wide = small && (in_.insts[o[k]].op == Op::Var ? bool(wide_[o[k]]) : wants(v, k));
       operands_.push_back(wide ? form_[o[k]].wide : form_[o[k]].narrow);
     }
+    if (i.op == Op::LocalAlloc) {
+      define(v, b_.emit(i.op, i.type, operands_, i.imm));
+      if (i.imm && i.imm < kMostRemembered) doubles_[v] = b_.emit(Op::LocalAlloc, Type::I32, {}, i.imm * 8);
+      return;
+    }
+    if ((i.op == Op::LocalLoad || i.op == Op::SharedLoad) && isSmall(i.type)) return recall(v, i, o);
     define(v, b_.emit(i.op, isSmall(i.type) && wide_[v] ? Type::F64 : i.type, operands_, i.imm));
+    if ((i.op == Op::LocalStore || i.op == Op::SharedStore) && isSmall(in_.type(o.back()))) remember(i, o);
+  }
+
+  // A double has its place at eight times the byte offset in memory beside the declared one. It counts if it still rounds
+  // to what lies there: whoever stores something else (other types over the same bytes) makes it void.
+  bool hasDouble(const Inst& i, std::span<const Value> o) const { return i.op == Op::SharedLoad || i.op == Op::SharedStore || doubles_[o[0]]; }
+  Value doublePlace(const Inst& i, Value offset) { return b_.imul(b_.iadd(offset, b_.i32(uint32_t(i.imm))), b_.i32(8)); }
+  uint64_t doubleArea(const Inst& i) const { return i.op == Op::SharedLoad || i.op == Op::SharedStore ? in_.sharedBytes : 0; }
+
+  void recall(Value v, const Inst& i, std::span<const Value> o) {
+    const bool local = i.op == Op::LocalLoad;
+    const Value declared = b_.emit(i.op, i.type, operands_, i.imm);
+    b_.setInstFlags(0);
+    const Value given = b_.convert(Op::FToF, Type::F64, declared);
+    form_[v] = {declared, given};
+    if (!hasDouble(i, o)) return;
+    const Value place = doublePlace(i, operands_[local ? 1 : 0]);
+    const Value kept = local ? b_.emit(Op::LocalLoad, Type::F64, {doubles_[o[0]], place}) : b_.emit(Op::SharedLoad, Type::F64, {place}, doubleArea(i));
+    const Type bits = intOf(i.type);
+    const Value same = b_.ieq(b_.bitcast(bits, b_.convert(Op::FToF, i.type, kept)), b_.bitcast(bits, declared));
+    form_[v].wide = b_.select(same, kept, given);
+  }
+  void remember(const Inst& i, std::span<const Value> o) {
+    if (!hasDouble(i, o)) return;
+    const Value v = o.back();
+    b_.setInstFlags(0);
+    const Value value = form_[v].wide ? form_[v].wide : b_.convert(Op::FToF, Type::F64, form_[v].narrow);
+    if (i.op == Op::LocalStore) b_.emit(Op::LocalStore, Type::None, {doubles_[o[0]], doublePlace(i, operands_[1]), value});
+    else b_.emit(Op::SharedStore, Type::None, {doublePlace(i, operands_[0]), value}, doubleArea(i));
   }
 
   const Function& in_;
@@ -104,6 +143,7 @@ class Widener {
   Builder b_;
   std::vector<uint8_t> wide_, other_;   // by value: the natural form; some use wants the other one
   std::vector<Forms> form_;
+  std::vector<Value> doubles_;          // by LocalAlloc: where its doubles are
   std::vector<Value> operands_;
 };
 
@@ -111,6 +151,7 @@ class Widener {
 
 void widenFloats(Function& f) {
   f = Widener(f).run();
+  f.sharedBytes = oracleSharedBytes(f.sharedBytes);
   computeRates(f);
 }
 

@@ -25,8 +25,10 @@ enum class Numerics : uint8_t { F32, Oracle };
 
 //! Numerics::Oracle in terms of plain f64 operations, after lowerMath: what is computed becomes f64, and f16 and f32
 //! remain where their bits count (memory, interface rows, casts, and values that are only moved from and to them).
-//! What crosses an interface (outputs of a stage, local and shared memory) is rounded to its type.
+//! What crosses an interface (outputs of a stage, buffers) is rounded to its type. Private arrays and work-group memory keep
+//! the doubles in memory of their own: a work group then needs oracleSharedBytes().
 void widenFloats(Function& f);
+constexpr uint32_t oracleSharedBytes(uint32_t sharedBytes) { return sharedBytes * 9; }
 
 //! The last pass but widenFloats: replaces the high-level float operations (fexp2, fsin, frsqrt, ...) by sequences of plain ones,
 //! one lowering per number type; in oracle mode the f64 one for all types. Rare ranges (huge angles) stand in

@@ -43,7 +43,7 @@ World::World(const Program& program, uint64_t seed, WorldShape shape)
   outputs_ = addPart("output", rows() * outputTypes_.size() * kRowBytes, kRowBytes);
   own_ = addPart("own memory", kOwnBytes, 1);
   totals_ = addPart("totals", kTotalsBytes, 8);
-  shared_ = addPart("work-group memory", size_t(shape_.groups) * kSharedBytes, 1);
+  shared_ = addPart("work-group memory", size_t(shape_.groups) * ir::oracleSharedBytes(kSharedBytes), 1);
   const uint32_t quads = (lanes() + 3) / 4;
   for (uint32_t p = 0; p < kTilePlanes; p++) tiles_[p] = addPart("tile plane " + std::to_string(p), size_t(quads) * 4 * kTileElementBytes[p], kTileElementBytes[p]);
   fill(r, start_, shape_.awkward);
@@ -116,8 +116,8 @@ std::vector<ExecContext> World::contexts(uint32_t group) {
     c.tables = tables_;
     c.quadRecords = recordPointers_.data() + row * shape_.rowLanes / 4;
     c.tilePlanes = planes_.data() + row * kTilePlanes;
-    c.shared = base() + shared_ + size_t(group) * kSharedBytes;
-    c.sharedBytes = kSharedBytes;
+    c.shared = base() + shared_ + size_t(group) * ir::oracleSharedBytes(kSharedBytes);
+    c.sharedBytes = ir::oracleSharedBytes(kSharedBytes);
   }
   return list;
 }
