@@ -23,7 +23,7 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxImageArrayLayers = 2048;
   l.maxTexelBufferElements = 128u << 20;
   l.maxUniformBufferRange = 1u << 30;
-  l.maxStorageBufferRange = heapBytes < (2ull << 30) ? uint32_t(heapBytes) : (2u << 30);
+  l.maxStorageBufferRange = uint32_t(std::min<uint64_t>(heapBytes, UINT32_MAX));
   l.maxPushConstantsSize = pipeline::kMaxPushBytes;
   l.maxMemoryAllocationCount = kMany;
   l.maxSamplerAllocationCount = kMany;

@@ -74,7 +74,7 @@ Pointer Translator::pointerTo(Variable& variable) {
   return p;
 }
 
-void Translator::addScaled(Pointer& p, uint32_t indexId, uint64_t stride) {
+void Translator::addScaled(Pointer& p, uint32_t indexId, uint64_t stride, bool fromStart) {
   const TypeInfo& indexType = type(typeOf(indexId));
   Value index = scalar(indexId);
   uint64_t bits = 0;
@@ -96,8 +96,17 @@ void Translator::addScaled(Pointer& p, uint32_t indexId, uint64_t stride) {
     p.base = b.iadd(p.base, b.imul(wide, b.i64(stride)));
     return;
   }
-  Value bytes = b.imul(resize(index, Type::I32, indexType.isSigned), b.i32(uint32_t(stride)));
-  p.dynamic = p.dynamic ? b.iadd(p.dynamic, bytes) : bytes;
+  // What is beyond 4 GiB, or before the beginning, must not wrap back into the buffer: it stays at the end of the 32 bits.
+  const bool bounded = fromStart && p.home == Home::Buffer && stride > 0;
+  if (bounded && ir::typeBytes(indexType.scalar) > 4) index = b.umin(index, b.constant(indexType.scalar, UINT32_MAX));
+  index = resize(index, Type::I32, indexType.isSigned);
+  if (bounded && stride > 1) index = b.umin(index, b.i32(uint32_t(UINT32_MAX / stride)));
+  Value bytes = b.imul(index, b.i32(uint32_t(stride)));
+  if (p.dynamic) {
+    bytes = b.iadd(p.dynamic, bytes);
+    if (bounded) bytes = b.select(b.ult(bytes, p.dynamic), b.i32(UINT32_MAX), bytes);
+  }
+  p.dynamic = bytes;
 }
 
 Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
@@ -159,7 +168,7 @@ Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
           if (!d) fail("array type %u has no ArrayStride", p.type);
           stride = d->literal();
         }
-        addScaled(p, indexId, stride);
+        addScaled(p, indexId, stride, true);
         p.type = t.element;
         break;
       }

@@ -230,7 +230,8 @@ class Translator {
   Variable& makePrivate(uint32_t id, uint32_t pointeeType, spv::StorageClass storage, bool dynamic);
   Pointer pointerTo(Variable& variable);
   Pointer accessChain(Pointer p, std::span<const uint32_t> indices);
-  void addScaled(Pointer& p, uint32_t indexId, uint64_t stride);
+  //! `fromStart`: the index counts from the start of an array, so a negative one is out of bounds.
+  void addScaled(Pointer& p, uint32_t indexId, uint64_t stride, bool fromStart = false);
   void markWritten(const Pointer& p);
   void useElement(uint32_t resource, Value element);
   std::vector<Value> load(const Pointer& p);
