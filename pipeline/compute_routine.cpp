@@ -1,4 +1,6 @@
 // Compute shaders: built-ins from the rows of ids that dispatch() fills.
+#include <cstdio>
+
 #include "pipeline/builders.h"
 
 namespace pumice::pipeline {
@@ -36,6 +38,14 @@ class ComputeExpander : public StageExpander {
   }
 };
 
+std::string invocationText(const interp::ExecContext& context, uint32_t lane) {
+  unsigned id[6];
+  for (int i = 0; i < 6; ++i) id[i] = static_cast<const uint32_t*>(context.inputs[i])[lane];
+  char text[120];
+  std::snprintf(text, sizeof text, "invocation (%u, %u, %u) of work group (%u, %u, %u)", id[0], id[1], id[2], id[3], id[4], id[5]);
+  return text;
+}
+
 }  // namespace
 
 base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
@@ -50,12 +60,12 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
   if (!expander.error().empty()) return base::Error{expander.error()};
   if (invocations == 0 || invocations > kMaxGroupInvocations)
     return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
-  auto code = finishRoutine(f, key.numerics);
+  auto code = finishRoutine(f, key.numerics, {"compute shader \"" + shader.function.name + "\"", invocationText});
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<ComputeRoutine>();
   routine->code = std::move(code).value();
   routine->localSize = shader.localSize;
-  routine->sharedBytes = shader.function.sharedBytes;
+  routine->sharedBytes = key.numerics == ir::Numerics::Oracle ? ir::oracleSharedBytes(shader.function.sharedBytes) : shader.function.sharedBytes;
   bool loops = false, atomics = false;
   routine->groupsApart = routine->sharedBytes || shader.usesBarrier;
   for (const ir::Inst& i : f.insts) {

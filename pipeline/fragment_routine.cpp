@@ -4,6 +4,8 @@
 // which lanes are real. Tests come before the shader where nothing can tell the difference, else after it; a lane that
 // fails an early test runs the shader only as a helper of its quad.
 #include <algorithm>
+#include <cstdio>
+#include <cstring>
 
 #include "pipeline/builders.h"
 
@@ -224,6 +226,15 @@ Value clampDepth(ir::Builder& b, const GraphicsState& s, Value depth, bool fromS
 
 }  // namespace
 
+static std::string pixelText(const interp::ExecContext& context, uint32_t lane) {
+  raster::RecordHeader header;
+  std::memcpy(&header, context.quadRecords[lane / 4], sizeof header);
+  const float x = static_cast<const float*>(context.inputs[kSlotX])[lane], y = static_cast<const float*>(context.inputs[kSlotY])[lane];
+  char text[64];
+  std::snprintf(text, sizeof text, "pixel (%d, %d)", int(header.cellX + x), int(header.cellY + y));
+  return text;
+}
+
 base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
   const GraphicsState& state = pipeline.state;
   const frontend::Shader* shader = pipeline.fragment.get();
@@ -308,7 +319,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   for (uint32_t a = 0; a < state.colorCount; ++a) effects |= expander.writes(a);
   routine->present = effects;
 
-  auto code = finishRoutine(f, key.numerics);
+  auto code = finishRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText});
   if (!code) return std::move(code).error();
   routine->code = std::move(code).value();
   return routine;

@@ -1,4 +1,6 @@
 // Vertex fetch, vertex shader, and the rows that clipping and setup read.
+#include <cstdio>
+
 #include "base/log.h"
 #include "pipeline/builders.h"
 
@@ -83,6 +85,13 @@ texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32
   return texture::loadTexel(b, *format, base, offset, size, true);
 }
 
+static std::string vertexText(const interp::ExecContext& context, uint32_t lane) {
+  char text[64];
+  std::snprintf(text, sizeof text, "vertex %u of instance %u", static_cast<const uint32_t*>(context.inputs[kSlotVertexIndex])[lane],
+                static_cast<const uint32_t*>(context.inputs[kSlotInstanceIndex])[lane]);
+  return text;
+}
+
 base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key) {
   ir::Function f;
   f.name = "vertex routine";
@@ -92,7 +101,7 @@ base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPi
   ir::inlineShader(b, pipeline.vertex->function, expander);
   expander.writeRows(b);
   if (!expander.error().empty()) return base::Error{expander.error()};
-  auto code = finishRoutine(f, key.numerics);
+  auto code = finishRoutine(f, key.numerics, {"vertex shader \"" + pipeline.vertex->function.name + "\"", vertexText});
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<VertexRoutine>();
   routine->code = std::move(code).value();

@@ -324,6 +324,7 @@ void Translator::declareVariable(const Instruction& inst) {
       break;
     case spv::StorageClass::Private:
     case spv::StorageClass::Function:
+      b.setInstFlags(ir::kInstDeclaredVariable);
       if (isDynamic(inst.result)) {
         declareLocal(variable);
       } else {
@@ -331,6 +332,7 @@ void Translator::declareVariable(const Instruction& inst) {
         flatten(typeId, variable.types);
         for (Type t : variable.types) variable.scalars.push_back(b.var(t));
       }
+      b.setInstFlags(0);
       break;
     case spv::StorageClass::Workgroup: {
       const TypeInfo& t = type(typeId);

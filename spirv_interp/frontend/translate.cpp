@@ -6,6 +6,7 @@
 #include <new>
 
 #include "spirv_interp/frontend/support.h"
+#include "spirv_interp/ir/checks.h"
 #include "spirv_interp/ir/passes.h"
 
 namespace pumice::frontend {
@@ -315,6 +316,10 @@ Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stag
     translator.run(stage, entryPoint);
     tidy(shader->function);
     PUMICE_TRY(check(shader->function, "after translation"));
+    if (const unsigned checks = ir::wantedChecks()) {
+      ir::insertChecks(shader->function, checks, stage == Stage::Fragment);
+      PUMICE_TRY(check(shader->function, "with checks"));
+    }
     ir::optimise(shader->function);
     PUMICE_TRY(check(shader->function, "after optimisation"));
     translator.finishInterface();

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "base/result.h"
 #include "spirv_interp/ir/ir.h"
@@ -88,8 +89,15 @@ class Executable {
   virtual size_t registerBytes() const = 0;
 };
 
+//! For reports of PUMICE_CHECK: the shader that a routine holds, and what its lanes are.
+struct CheckedShader {
+  std::string name;
+  std::string (*invocation)(const ExecContext& context, uint32_t lane) = nullptr;
+};
+
 struct CompileOptions {
   ir::Numerics numerics = ir::Numerics::F32;
+  CheckedShader checked;   //!< only looked at if the function holds `check` operations
 };
 
 //! Interpreter. The function must verify() and hold no abstract operations; high-level math is lowered here

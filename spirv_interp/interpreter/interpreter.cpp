@@ -145,7 +145,7 @@ Result<std::unique_ptr<Executable>> compileInterpreterWith(const ir::Function& s
   ir::lowerMath(f, options.numerics);
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   ir::computeRates(f);
-  Result<Program> program = lower(f, kernels);
+  Result<Program> program = lower(f, kernels, options.checked);
   if (!program) return std::move(program).error();
   return std::unique_ptr<Executable>(std::make_unique<Interpreted>(std::move(program).value()));
 }

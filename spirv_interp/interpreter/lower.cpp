@@ -16,7 +16,8 @@ constexpr size_t kMaxLocalBytes = 64 << 20;   //!< of a row of kMaxLanes
 
 class Lowering {
  public:
-  Lowering(const Function& f, const KernelTable& kernels) : f_(f), k_(kernels), a_(analyse(f)), slot_(f.insts.size(), 0) {}
+  Lowering(const Function& f, const KernelTable& kernels, const CheckedShader& checked)
+      : f_(f), k_(kernels), a_(analyse(f)), slot_(f.insts.size(), 0), checked_(checked) {}
 
   Result<Program> run() {
     list_ = &body_;
@@ -189,6 +190,7 @@ class Lowering {
       case Op::Block:
       case Op::EndBlock:
       case Op::Break: return structure(v);
+      case Op::Check: return check(i);
       case Op::Barrier: list_->add(control(Control::Barrier), {}, {}); return;
       default: break;
     }
@@ -221,6 +223,24 @@ class Lowering {
     uint64_t imm = i.imm;
     if (info.operandCount >= 3 && isBufferAccess(i.op) && f_.type(values[1]) == Type::I64) imm |= kImmOffset64;
     call(i.op, type, i.type == Type::None ? Operand{} : define(v), src, values.size(), imm);
+  }
+
+  void check(const Inst& i) {
+    const auto values = f_.operands(i);
+    if (values.empty() || values.size() > kMaxOperands) return fail(at_, "the interpreter cannot run this");
+    auto site = std::make_unique<CheckSite>();
+    site->place = ir::checkPlace(i.imm);
+    site->line = i.line;
+    site->count = uint32_t(values.size());
+    if (!checkedShader_) checkedShader_ = std::make_shared<const CheckedShader>(checked_);
+    site->shader = checkedShader_;
+    Operands src{};
+    for (size_t n = 0; n < values.size(); n++) {
+      src[n] = materialise(operand(values[n]));
+      site->types[n] = f_.type(values[n]);
+    }
+    list_->add(checkKernel, {}, std::span<const Operand>(src.data(), values.size()), reinterpret_cast<uintptr_t>(site.get()));
+    program_.checks.push_back(std::move(site));
   }
 
   static bool isBufferAccess(Op op) {
@@ -364,11 +384,13 @@ class Lowering {
   std::vector<Jump> pending_;
   Value at_ = 0;
   Program program_;
+  const CheckedShader& checked_;
+  std::shared_ptr<const CheckedShader> checkedShader_;
   std::string error_;
 };
 
 }  // namespace
 
-Result<Program> lower(const Function& f, const KernelTable& kernels) { return Lowering(f, kernels).run(); }
+Result<Program> lower(const Function& f, const KernelTable& kernels, const CheckedShader& checked) { return Lowering(f, kernels, checked).run(); }
 
 }  // namespace pumice::interp

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "spirv_interp/interpreter/bytecode.h"
+#include "spirv_interp/interpreter/check.h"
 
 namespace pumice::interp {
 
@@ -18,10 +19,11 @@ struct Program {
   uint32_t slots = 0;
   size_t preambleRegisters = 0, bodyRegisters = 0;   //!< bytes
   bool mayWait = false;                              //!< a row must give way in its loops
+  std::vector<std::unique_ptr<CheckSite>> checks;    //!< of PUMICE_CHECK
   size_t localBytes = 0;                             //!< LocalAlloc memory of a row
 };
 
 //! The function is final: no high-level operations, rates computed.
-Result<Program> lower(const ir::Function& f, const KernelTable& kernels);
+Result<Program> lower(const ir::Function& f, const KernelTable& kernels, const CheckedShader& checked = {});
 
 }  // namespace pumice::interp

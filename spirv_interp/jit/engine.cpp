@@ -1,5 +1,6 @@
 #include "spirv_interp/jit/engine.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "base/env.h"
@@ -34,7 +35,9 @@ struct Settings {
 interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options) {
   static const Settings settings;
   if (settings.dumpIr) std::fputs(ir::print(f).c_str(), stderr);
-  if (settings.native) {
+  // Checks (PUMICE_CHECK) are the interpreter's.
+  const bool checks = std::any_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == ir::Op::Check; });
+  if (settings.native && !checks) {
     std::string listing;
     JitOptions jit;
     if (settings.dumpCode) jit.listing = &listing;

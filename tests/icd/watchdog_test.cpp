@@ -3,6 +3,7 @@
 
 #include <chrono>
 
+#include "tests/icd/dispatch.h"
 #include "tests/icd/graphics.h"
 
 namespace pumice::icd::test {
@@ -40,64 +41,22 @@ class WatchdogTest : public ::testing::Test {
   }
 };
 
-void dispatch(TestDevice& device, const char* glsl, uint32_t groups, void (*check)(TestDevice&, VkCommandBuffer)) {
-  TestDevice::Buffer buffer = device.buffer(4096);
-  std::fill(buffer.words, buffer.words + 1024, 0);
-  VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
-  VkDescriptorSetLayoutCreateInfo setInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 1, &binding};
-  VkDescriptorSetLayout setLayout;
-  ASSERT_EQ(VK(vkCreateDescriptorSetLayout)(device.handle, &setInfo, nullptr, &setLayout), VK_SUCCESS);
-  VkPipelineLayoutCreateInfo layoutInfo{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout, 0, nullptr};
-  VkPipelineLayout layout;
-  ASSERT_EQ(VK(vkCreatePipelineLayout)(device.handle, &layoutInfo, nullptr, &layout), VK_SUCCESS);
-  VkShaderModule module = device.module(computeShader(glsl));
-  VkComputePipelineCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-  info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, VK_SHADER_STAGE_COMPUTE_BIT, module, "main", nullptr};
-  info.layout = layout;
-  VkPipeline pipeline;
-  ASSERT_EQ(VK(vkCreateComputePipelines)(device.handle, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), VK_SUCCESS);
-  VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1};
-  VkDescriptorPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 1, &size};
-  VkDescriptorPool pool;
-  ASSERT_EQ(VK(vkCreateDescriptorPool)(device.handle, &poolInfo, nullptr, &pool), VK_SUCCESS);
-  VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1, &setLayout};
-  VkDescriptorSet set;
-  ASSERT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, &set), VK_SUCCESS);
-  VkDescriptorBufferInfo range{buffer.handle, 0, VK_WHOLE_SIZE};
-  VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set, 0, 0, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, nullptr, &range, nullptr};
-  VK(vkUpdateDescriptorSets)(device.handle, 1, &write, 0, nullptr);
-
-  VkCommandBuffer commands = device.begin();
-  VK(vkCmdBindPipeline)(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-  VK(vkCmdBindDescriptorSets)(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
-  VK(vkCmdDispatch)(commands, groups, 1, 1);
-  check(device, commands);
-
-  VK(vkDestroyDescriptorPool)(device.handle, pool, nullptr);
-  VK(vkDestroyPipeline)(device.handle, pipeline, nullptr);
-  VK(vkDestroyShaderModule)(device.handle, module, nullptr);
-  VK(vkDestroyPipelineLayout)(device.handle, layout, nullptr);
-  VK(vkDestroyDescriptorSetLayout)(device.handle, setLayout, nullptr);
-  device.release(buffer);
-}
-
 TEST_F(WatchdogTest, endsAnEndlessComputeLoop) {
   TestDevice device;
-  dispatch(device, R"(#version 450
+  dispatch(device, computeShader(R"(#version 450
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) buffer B { uint v[]; };
 void main() {
   uint x = gl_LocalInvocationIndex;
   while (v[0] == 0u) v[1 + x % 16u] = x = x * 3u + 1u;
 }
-)", 8, expectLost);
+)"), 8, expectLost);
 }
 
 TEST_F(WatchdogTest, endsWorkGroupsThatWaitForEachOther) {
   TestDevice device;
   // Several rows; barriers and atomics that nobody answers.
-  dispatch(device, R"(#version 450
+  dispatch(device, computeShader(R"(#version 450
 layout(local_size_x = 512) in;
 layout(set = 0, binding = 0) buffer B { uint v[]; };
 shared uint s;
@@ -108,12 +67,12 @@ void main() {
   barrier();
   v[1] = s;
 }
-)", 2, expectLost);
+)"), 2, expectLost);
 }
 
 TEST_F(WatchdogTest, endsADispatchOfTooMuchWork) {
   TestDevice device;
-  dispatch(device, R"(#version 450
+  dispatch(device, computeShader(R"(#version 450
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) buffer B { uint v[]; };
 void main() {
@@ -121,16 +80,16 @@ void main() {
   for (int i = 0; i < 100000; i++) x = x * 3u + v[i & 7];
   v[gl_LocalInvocationIndex] = x;
 }
-)", 65535, expectLost);
+)"), 65535, expectLost);
 }
 
 TEST_F(WatchdogTest, leavesAloneWhatIsQuick) {
   TestDevice device;
-  dispatch(device, R"(#version 450
+  dispatch(device, computeShader(R"(#version 450
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0) buffer B { uint v[]; };
 void main() { v[gl_GlobalInvocationID.x] = gl_GlobalInvocationID.x; }
-)", 8, [](TestDevice& d, VkCommandBuffer commands) {
+)"), 8, [](TestDevice& d, VkCommandBuffer commands) {
     d.run(commands);
     EXPECT_EQ(VK(vkDeviceWaitIdle)(d.handle), VK_SUCCESS);
   });

@@ -571,7 +571,7 @@ Program makeProgram(Choices& choices, const ProgramOptions& options) { return Ge
 
 bool isAbstract(Op op) {
   const ir::OpInfo& info = ir::opInfo(op);
-  return (info.flags & ir::kHigh) && info.operands == OperandRule::Free;
+  return ((info.flags & ir::kHigh) && info.operands == OperandRule::Free) || op == Op::Check;
 }
 
 unsigned operationCount(const ir::Function& f) {

@@ -44,7 +44,7 @@ struct Program {
 
 Program makeProgram(Choices& choices, const ProgramOptions& options = {});
 
-//! Operations of the table that never reach an executor: they are expanded when routines are linked.
+//! Operations that programs never hold: they are expanded when routines are linked, or report (PUMICE_CHECK).
 bool isAbstract(ir::Op op);
 //! Instructions that compute or act: without constants, variables' declarations and the function's outputs.
 unsigned operationCount(const ir::Function& f);

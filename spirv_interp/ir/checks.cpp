@@ -1,0 +1,124 @@
+#include "spirv_interp/ir/checks.h"
+
+#include "base/env.h"
+#include "base/log.h"
+#include "spirv_interp/ir/builder.h"
+#include "spirv_interp/ir/pass_list.h"
+
+namespace pumice::ir {
+
+unsigned wantedChecks() {
+  const auto text = base::envString(base::EnvVar::Check);
+  if (!text) return 0;
+  unsigned checks = 0;
+  for (size_t at = 0; at <= text->size();) {
+    const size_t end = std::min(text->find(',', at), text->size());
+    const std::string word = text->substr(at, end - at);
+    at = end + 1;
+    if (word == "bounds") checks |= kCheckBounds;
+    else if (word == "nan") checks |= kCheckNan;
+    else if (word == "uninit") checks |= kCheckUninit;
+    else base::logError("PUMICE_CHECK: there is no \"%s\"; there are bounds, nan, uninit", word.c_str());
+  }
+  return checks;
+}
+
+namespace {
+
+class Inserter {
+ public:
+  Inserter(const Function& f, unsigned checks, bool helpers)
+      : in_(f), out_(withoutInstructions(f)), b_(out_), checks_(checks), helpers_(helpers), map_(f.insts.size()), shadow_(f.insts.size()) {}
+
+  Function run() {
+    std::vector<Value> operands;
+    for (Value v = 1; v < in_.insts.size(); ++v) {
+      const Inst& i = in_.insts[v];
+      const OpInfo& info = opInfo(i.op);
+      operands.clear();
+      for (Value o : in_.operands(i)) operands.push_back(map_[o]);
+      b_.setLine(i.line);
+      if (checks_ & kCheckBounds) bounds(i, operands);
+      if (checks_ & kCheckUninit) reads(i, operands);
+      b_.setInstFlags(i.flags);
+      map_[v] = b_.emit(i.op, i.type, operands, i.imm);
+      b_.setInstFlags(0);
+      if ((checks_ & kCheckNan) && isFloat(i.type) && (info.operands == OperandRule::Float || i.op == Op::FToF)) finite(i, map_[v], operands);
+      if (checks_ & kCheckUninit) writes(v, i, operands);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  Value counts() { return helpers_ ? b_.maskNot(b_.emit(Op::HelperMask, Type::Mask, {})) : b_.mask(true); }
+  void check(const CheckPlace& place, std::initializer_list<Value> values) {
+    std::vector<Value> operands{counts()};
+    operands.insert(operands.end(), values.begin(), values.end());
+    b_.emit(Op::Check, Type::None, operands, checkImm(place));
+  }
+
+  void bounds(const Inst& i, std::span<const Value> o) {
+    const Type type = i.type != Type::None || o.empty() ? i.type : b_.type(o.back());
+    switch (i.op) {
+      case Op::Load:
+      case Op::LoadConst:
+      case Op::Store:
+      case Op::Atomic:
+      case Op::AtomicCas: return check({CheckKind::Buffer, i.op, type, uint32_t(i.imm)}, {o[0], o[1], o[2]});
+      case Op::SharedLoad:
+      case Op::SharedStore:
+      case Op::SharedAtomic:
+      case Op::SharedAtomicCas: return check({CheckKind::Local, i.op, type, uint32_t(i.imm)}, {o[0], b_.i32(in_.sharedBytes)});
+      case Op::LocalLoad:
+      case Op::LocalStore: return check({CheckKind::Local, i.op, type, uint32_t(i.imm)}, {o[1], b_.i32(uint32_t(out_.insts[o[0]].imm))});
+      default: return;
+    }
+  }
+
+  void finite(const Inst& i, Value result, std::span<const Value> o) {
+    // A value that the builder knows is no operation any more.
+    if (out_.insts[result].op != i.op || i.op == Op::FNeg || i.op == Op::FAbs) return;
+    const CheckPlace place{CheckKind::Finite, i.op, i.type};
+    if (o.size() == 1) check(place, {result, o[0]});
+    else if (o.size() == 2) check(place, {result, o[0], o[1]});
+    else check(place, {result, o[0], o[1], o[2]});
+  }
+
+  // Beside each of the shader's variables stands one that remembers where it was written: a mask, or for private arrays
+  // memory with every written byte set.
+  void reads(const Inst& i, std::span<const Value> o) {
+    const auto given = in_.operands(i);
+    if (i.op == Op::VarGet && shadow_[given[0]]) check({CheckKind::Written, i.op, i.type}, {b_.get(shadow_[given[0]])});
+    if (i.op == Op::LocalLoad && shadow_[given[0]]) {
+      const Value bytes = b_.emit(Op::LocalLoad, intOf(i.type), {shadow_[given[0]], o[1]}, i.imm);
+      check({CheckKind::Written, i.op, i.type}, {b_.ieq(bytes, b_.constant(intOf(i.type), ~uint64_t(0)))});
+    }
+  }
+  void writes(Value v, const Inst& i, std::span<const Value> o) {
+    const auto given = in_.operands(i);
+    if (i.op == Op::Var && (i.flags & kInstDeclaredVariable)) shadow_[v] = b_.var(Type::Mask);
+    if (i.op == Op::LocalAlloc && (i.flags & kInstDeclaredVariable)) shadow_[v] = b_.emit(Op::LocalAlloc, Type::I32, {}, i.imm);
+    if (i.op == Op::VarSet && shadow_[given[0]]) b_.set(shadow_[given[0]], b_.mask(true));
+    if (i.op == Op::LocalStore && shadow_[given[0]]) {
+      const Type t = intOf(b_.type(o[2]));
+      b_.emit(Op::LocalStore, Type::None, {shadow_[given[0]], o[1], b_.constant(t, ~uint64_t(0))}, i.imm);
+    }
+  }
+
+  const Function& in_;
+  Function out_;
+  Builder b_;
+  const unsigned checks_;
+  const bool helpers_;
+  std::vector<Value> map_, shadow_;
+};
+
+}  // namespace
+
+void insertChecks(Function& f, unsigned checks, bool helpers) {
+  if (!checks) return;
+  removeDeadCode(f);   // what nobody uses is not read either
+  f = Inserter(f, checks, helpers).run();
+}
+
+}  // namespace pumice::ir
