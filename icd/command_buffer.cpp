@@ -354,6 +354,26 @@ static void recordIndirect(CommandBuffer& cb, VkBuffer handle, uint64_t offset, 
   });
 }
 
+// Elements lie `stride` bytes apart. (VK_EXT_multi_draw)
+template <typename Info, typename Record>
+static void eachDraw(const Info* infos, uint32_t count, uint32_t stride, Record&& record) {
+  for (uint32_t i = 0; i < count; i++) record(i, *reinterpret_cast<const Info*>(reinterpret_cast<const std::byte*>(infos) + size_t(i) * stride));
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdDrawMultiEXT(VkCommandBuffer buffer, uint32_t count, const VkMultiDrawInfoEXT* infos, uint32_t instances, uint32_t firstInstance, uint32_t stride) {
+  eachDraw(infos, count, stride, [&](uint32_t i, const VkMultiDrawInfoEXT& d) {
+    recordDraw(*from(buffer), {.indexed = false, .count = d.vertexCount, .instanceCount = instances, .first = d.firstVertex, .firstInstance = firstInstance, .drawIndex = i});
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdDrawMultiIndexedEXT(VkCommandBuffer buffer, uint32_t count, const VkMultiDrawIndexedInfoEXT* infos, uint32_t instances, uint32_t firstInstance,
+                                                    uint32_t stride, const int32_t* vertexOffset) {
+  eachDraw(infos, count, stride, [&](uint32_t i, const VkMultiDrawIndexedInfoEXT& d) {
+    recordDraw(*from(buffer), {.indexed = true, .count = d.indexCount, .instanceCount = instances, .first = d.firstIndex,
+                               .vertexOffset = vertexOffset ? *vertexOffset : d.vertexOffset, .firstInstance = firstInstance, .drawIndex = i});
+  });
+}
+
 VKAPI_ATTR void VKAPI_CALL vkCmdDrawIndirect(VkCommandBuffer b, VkBuffer buffer, VkDeviceSize offset, uint32_t count, uint32_t stride) {
   recordIndirect<VkDrawIndirectCommand>(*from(b), buffer, offset, count, stride);
 }

@@ -68,7 +68,7 @@ std::pair<uint32_t, uint32_t> poolUse(const pipeline::Binding& b, uint32_t varia
 class ElementWalk {
  public:
   ElementWalk(const DescriptorSet& set, uint32_t binding, uint32_t element) : set_(set), it_(set.layout->bindings.find(binding)), element_(element) { skipFull(); }
-  bool valid() const { return it_ != set_.layout->bindings.end(); }
+  bool valid() const { return it_ != set_.layout->bindings.end() && element_ < elementsOf(it_->second, set_.variableCount); }
   const pipeline::Binding& binding() const { return it_->second; }
   std::byte* address() const { return set_.at(it_->second, element_); }
   uint32_t element() const { return element_; }
@@ -79,7 +79,7 @@ class ElementWalk {
 
  private:
   void skipFull() {
-    while (valid() && element_ >= it_->second.count) element_ -= it_->second.count, ++it_;
+    while (it_ != set_.layout->bindings.end() && element_ >= it_->second.count) element_ -= it_->second.count, ++it_;
   }
   const DescriptorSet& set_;
   std::map<uint32_t, pipeline::Binding>::const_iterator it_;

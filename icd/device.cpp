@@ -30,6 +30,10 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateDevice(VkPhysicalDevice handle, const VkD
     base::logError("vkCreateDevice: feature %s is not supported", featureName(missing._Find_first()));
     return VK_ERROR_FEATURE_NOT_PRESENT;
   }
+  for (uint32_t i = 0; i < info->queueCreateInfoCount; i++) {
+    auto* priority = findInChain<VkDeviceQueueGlobalPriorityCreateInfoKHR>(info->pQueueCreateInfos[i].pNext, VK_STRUCTURE_TYPE_DEVICE_QUEUE_GLOBAL_PRIORITY_CREATE_INFO_KHR);
+    if (priority && priority->globalPriority > VK_QUEUE_GLOBAL_PRIORITY_MEDIUM_KHR) return VK_ERROR_NOT_PERMITTED_KHR;
+  }
   HostAllocator allocator = physical.instance->allocator.orElse(callbacks);
   auto* device = makeObject<Device>(allocator, VK_SYSTEM_ALLOCATION_SCOPE_DEVICE, physical, allocator);
   if (!device) return VK_ERROR_OUT_OF_HOST_MEMORY;

@@ -1,6 +1,7 @@
 // Instance and its one physical device.
 #pragma once
 
+#include <atomic>
 #include <bitset>
 #include <string>
 #include <string_view>
@@ -40,6 +41,7 @@ struct PhysicalDevice : Dispatchable {
   ExtendedProperties extendedProperties;
   FeatureSet features;
   VkPhysicalDeviceMemoryProperties memory{};
+  std::atomic<uint64_t> allocatedBytes{0};   //!< of all its devices
 };
 
 struct Instance : Dispatchable {

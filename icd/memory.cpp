@@ -47,6 +47,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkAllocateMemory(VkDevice handle, const VkMemoryA
   }
   memory->data = static_cast<std::byte*>(pages);
   memory->size = size;
+  device.physical.allocatedBytes += size;
   *out = to<VkDeviceMemory>(memory);
   return VK_SUCCESS;
 }
@@ -55,6 +56,7 @@ VKAPI_ATTR void VKAPI_CALL vkFreeMemory(VkDevice handle, VkDeviceMemory memoryHa
   if (auto* memory = from(memoryHandle)) {
     munmap(memory->data, memory->size);
     from(handle)->allocatedBytes -= memory->size;
+    from(handle)->physical.allocatedBytes -= memory->size;
     from(handle)->destroy(callbacks, memory);
   }
 }

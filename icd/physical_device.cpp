@@ -156,7 +156,15 @@ VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceQueueFamilyProperties(VkPhysicalDe
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceQueueFamilyProperties2(VkPhysicalDevice, uint32_t* count, VkQueueFamilyProperties2* out) {
-  enumerate(1, count, out, [](uint32_t, VkQueueFamilyProperties2& p) { p.queueFamilyProperties = queueFamily(); });
+  enumerate(1, count, out, [](uint32_t, VkQueueFamilyProperties2& p) {
+    p.queueFamilyProperties = queueFamily();
+    for (auto* s = static_cast<VkBaseOutStructure*>(p.pNext); s; s = s->pNext)
+      if (s->sType == VK_STRUCTURE_TYPE_QUEUE_FAMILY_GLOBAL_PRIORITY_PROPERTIES_KHR) {
+        auto& priority = *reinterpret_cast<VkQueueFamilyGlobalPriorityPropertiesKHR*>(s);
+        priority.priorityCount = 1;
+        priority.priorities[0] = VK_QUEUE_GLOBAL_PRIORITY_MEDIUM_KHR;
+      }
+  });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceMemoryProperties(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties* out) {
@@ -165,6 +173,13 @@ VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceMemoryProperties(VkPhysicalDevice 
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceMemoryProperties2(VkPhysicalDevice handle, VkPhysicalDeviceMemoryProperties2* out) {
   out->memoryProperties = from(handle)->memory;
+  for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext)
+    if (s->sType == VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MEMORY_BUDGET_PROPERTIES_EXT) {
+      auto& budget = *reinterpret_cast<VkPhysicalDeviceMemoryBudgetPropertiesEXT*>(s);
+      for (uint32_t i = 0; i < VK_MAX_MEMORY_HEAPS; i++) budget.heapBudget[i] = budget.heapUsage[i] = 0;
+      budget.heapBudget[0] = from(handle)->memory.memoryHeaps[0].size;
+      budget.heapUsage[0] = from(handle)->allocatedBytes;
+    }
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceExternalBufferProperties(VkPhysicalDevice, const VkPhysicalDeviceExternalBufferInfo*, VkExternalBufferProperties* out) {

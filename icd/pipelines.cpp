@@ -68,6 +68,8 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     }
   if (auto* v = info.pVertexInputState) {
     s.vertexBindings.assign(v->pVertexBindingDescriptions, v->pVertexBindingDescriptions + v->vertexBindingDescriptionCount);
+    if (auto* d = findInChain<VkPipelineVertexInputDivisorStateCreateInfoEXT>(v->pNext, VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_DIVISOR_STATE_CREATE_INFO_EXT))
+      s.divisors.assign(d->pVertexBindingDivisors, d->pVertexBindingDivisors + d->vertexBindingDivisorCount);
     s.vertexAttributes.assign(v->pVertexAttributeDescriptions, v->pVertexAttributeDescriptions + v->vertexAttributeDescriptionCount);
   }
   if (auto* a = info.pInputAssemblyState) {
@@ -134,9 +136,10 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
   return s;
 }
 
-base::Status makeGraphics(const VkGraphicsPipelineCreateInfo& info, Pipeline& out) {
+base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateInfo& info, Pipeline& out) {
   uint32_t extended = 0;
   pipeline::GraphicsState state = graphicsStateOf(info, extended);
+  state.wholeAttributes = device.features[size_t(Feature::robustBufferAccess2)];
   std::shared_ptr<const frontend::Shader> vertex, fragment;
   for (uint32_t i = 0; i < info.stageCount; i++) {
     const auto& stage = info.pStages[i];
@@ -270,9 +273,9 @@ VKAPI_ATTR VkResult VKAPI_CALL vkMergePipelineCaches(VkDevice, VkPipelineCache, 
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateGraphicsPipelines(VkDevice device, VkPipelineCache, uint32_t count, const VkGraphicsPipelineCreateInfo* infos,
                                                          const VkAllocationCallbacks* callbacks, VkPipeline* out) {
-  return createPipelines(device, count, infos, callbacks, out, "vkCreateGraphicsPipelines", [](const VkGraphicsPipelineCreateInfo& info, Pipeline& p) -> base::Status {
+  return createPipelines(device, count, infos, callbacks, out, "vkCreateGraphicsPipelines", [&](const VkGraphicsPipelineCreateInfo& info, Pipeline& p) -> base::Status {
     p.bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
-    return makeGraphics(info, p);
+    return makeGraphics(*from(device), info, p);
   });
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <ctime>
 
 #include "entrypoints.h"
 #include "icd/queue.h"
@@ -110,6 +111,25 @@ VKAPI_ATTR VkResult VKAPI_CALL vkSetEvent(VkDevice device, VkEvent e) {
 
 VKAPI_ATTR VkResult VKAPI_CALL vkResetEvent(VkDevice device, VkEvent e) {
   hub(device).update([&] { from(e)->set = false; });
+  return VK_SUCCESS;
+}
+
+// The device's time is the host's monotonic clock.
+constexpr VkTimeDomainEXT kTimeDomains[] = {VK_TIME_DOMAIN_DEVICE_EXT, VK_TIME_DOMAIN_CLOCK_MONOTONIC_EXT, VK_TIME_DOMAIN_CLOCK_MONOTONIC_RAW_EXT};
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceCalibrateableTimeDomainsEXT(VkPhysicalDevice, uint32_t* count, VkTimeDomainEXT* out) {
+  return enumerate(uint32_t(std::size(kTimeDomains)), count, out, [](uint32_t i, VkTimeDomainEXT& d) { d = kTimeDomains[i]; });
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkGetCalibratedTimestampsEXT(VkDevice, uint32_t count, const VkCalibratedTimestampInfoEXT* infos, uint64_t* out, uint64_t* deviation) {
+  auto now = [](clockid_t clock) {
+    timespec t{};
+    clock_gettime(clock, &t);
+    return uint64_t(t.tv_sec) * 1'000'000'000 + uint64_t(t.tv_nsec);
+  };
+  uint64_t begin = now(CLOCK_MONOTONIC);
+  for (uint32_t i = 0; i < count; i++) out[i] = now(infos[i].timeDomain == VK_TIME_DOMAIN_CLOCK_MONOTONIC_RAW_EXT ? CLOCK_MONOTONIC_RAW : CLOCK_MONOTONIC);
+  *deviation = now(CLOCK_MONOTONIC) - begin + 1;
   return VK_SUCCESS;
 }
 

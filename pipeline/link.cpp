@@ -180,14 +180,15 @@ std::vector<ImageState> ImageUses::read(const Shader& shader, const Layout& layo
       state.use = i;
       // Neighbours are mostly alike: the latest first.
       for (size_t k = states.size(); k-- > first;)
-        if (states[k] == state) return present;
+        if (states[k] == state) return;
       states.push_back(state);
-      return present;
     };
     if (uses_[i].element != kIndexed) {
       if (binding && uses_[i].element < binding->count) put(uses_[i].element);
     } else if (binding) {
-      for (uint32_t e = 0; e < binding->count && put(e); ++e) {}
+      // A set may have fewer elements than its layout.
+      const uint64_t room = setMemory[r.set] && setSize[r.set] > binding->offset ? (setSize[r.set] - binding->offset) / binding->stride : 0;
+      for (uint32_t e = 0; e < std::min<uint64_t>(binding->count, room); ++e) put(e);
     }
     if (states.size() == first) states.push_back({i, {}, {}});
   }

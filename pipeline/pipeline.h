@@ -22,6 +22,8 @@ ir::Numerics defaultNumerics();
 struct GraphicsState {
   std::vector<VkVertexInputBindingDescription> vertexBindings;
   std::vector<VkVertexInputAttributeDescription> vertexAttributes;
+  std::vector<VkVertexInputBindingDivisorDescriptionEXT> divisors;   //!< of instanced bindings whose divisor is not 1
+  bool wholeAttributes = false;        //!< robustBufferAccess2: an attribute that is out of bounds in part is zero as a whole
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
   bool primitiveRestart = false;
   bool rasterizerDiscard = false, depthClamp = false, depthBias = false;

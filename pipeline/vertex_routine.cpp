@@ -80,9 +80,18 @@ texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32
   const Value size = b.uniform(Type::I64, uint32_t(buffer + offsetof(VertexBufferRef, size)));
   const bool instanced = binding->inputRate == VK_VERTEX_INPUT_RATE_INSTANCE;
   // 64 bits: an index may be anything, and index * stride must not wrap back into the buffer.
-  const Value index = b.convert(ir::Op::ZExt, Type::I64, b.input(Type::I32, instanced ? kSlotInstanceIndex : kSlotVertexIndex));
+  Value number = b.input(Type::I32, instanced ? kSlotInstanceIndex : kSlotVertexIndex);
+  if (instanced)
+    for (const auto& d : state.divisors)
+      if (d.binding == binding->binding) {
+        const Value first = PUMICE_DRAW_FIELD(b, I32, firstInstance);
+        number = d.divisor ? b.iadd(first, b.udiv(b.isub(number, first), b.i32(d.divisor))) : first;
+      }
+  const Value index = b.convert(ir::Op::ZExt, Type::I64, number);
   const Value offset = b.iadd(b.imul(index, b.i64(binding->stride)), b.i64(attribute->offset));
-  return texture::loadTexel(b, *format, base, offset, size, true);
+  if (!state.wholeAttributes) return texture::loadTexel(b, *format, base, offset, size, true);
+  const Value inside = b.ule(b.iadd(offset, b.i64(format->elementBytes)), size);
+  return texture::loadTexel(b, *format, base, offset, b.select(inside, size, b.i64(0)), true);
 }
 
 static std::string vertexText(const interp::ExecContext& context, uint32_t lane) {

@@ -198,9 +198,23 @@ void VulkanInstance::addMessage(std::string text) {
 }
 
 namespace {
-constexpr const char* kDeviceExtensions[] = {
-    VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME, VK_EXT_SAMPLER_FILTER_MINMAX_EXTENSION_NAME, VK_KHR_SAMPLER_MIRROR_CLAMP_TO_EDGE_EXTENSION_NAME,
-    VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME, VK_EXT_4444_FORMATS_EXTENSION_NAME};
+constexpr const char* kDeviceExtensions[] = {VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NAME,
+                                             VK_EXT_ROBUSTNESS_2_EXTENSION_NAME,
+                                             VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME,
+                                             VK_EXT_PRIMITIVE_TOPOLOGY_LIST_RESTART_EXTENSION_NAME,
+                                             VK_EXT_MULTI_DRAW_EXTENSION_NAME,
+                                             VK_EXT_VERTEX_ATTRIBUTE_DIVISOR_EXTENSION_NAME,
+                                             VK_EXT_SHADER_ATOMIC_FLOAT_EXTENSION_NAME,
+                                             VK_EXT_SHADER_SUBGROUP_BALLOT_EXTENSION_NAME,
+                                             VK_EXT_SHADER_SUBGROUP_VOTE_EXTENSION_NAME,
+                                             VK_EXT_LOAD_STORE_OP_NONE_EXTENSION_NAME,
+                                             VK_EXT_MEMORY_BUDGET_EXTENSION_NAME,
+                                             VK_EXT_CALIBRATED_TIMESTAMPS_EXTENSION_NAME,
+                                             VK_KHR_GLOBAL_PRIORITY_EXTENSION_NAME,
+                                             VK_EXT_SAMPLER_FILTER_MINMAX_EXTENSION_NAME,
+                                             VK_KHR_SAMPLER_MIRROR_CLAMP_TO_EDGE_EXTENSION_NAME,
+                                             VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME,
+                                             VK_EXT_4444_FORMATS_EXTENSION_NAME};
 
 std::vector<std::string> availableExtensions(VkPhysicalDevice physical) {
   uint32_t count = 0;
@@ -238,32 +252,33 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   vulkan11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES;
   vulkan12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_FEATURES;
   vulkan13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_FEATURES;
+  std::vector<std::string> available = availableExtensions(physical);
+  for (const char* wanted : kDeviceExtensions)
+    if (std::find(available.begin(), available.end(), wanted) != available.end()) extensions.emplace_back(wanted);
   if (properties.apiVersion >= VK_API_VERSION_1_2) {
     all.pNext = &vulkan11;
     vulkan11.pNext = &vulkan12;
     if (properties.apiVersion >= VK_API_VERSION_1_3) vulkan12.pNext = &vulkan13;
+    auto append = [&](auto& features, VkStructureType type, const char* extension) {
+      features.sType = type;
+      if (!has(extension)) return;
+      features.pNext = all.pNext;
+      all.pNext = &features;
+    };
+    append(smallFormats, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_4444_FORMATS_FEATURES_EXT, VK_EXT_4444_FORMATS_EXTENSION_NAME);
+    append(borders, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CUSTOM_BORDER_COLOR_FEATURES_EXT, VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME);
+    append(robustness2, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_ROBUSTNESS_2_FEATURES_EXT, VK_EXT_ROBUSTNESS_2_EXTENSION_NAME);
+    append(indexTypeUint8, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_INDEX_TYPE_UINT8_FEATURES_EXT, VK_EXT_INDEX_TYPE_UINT8_EXTENSION_NAME);
+    append(listRestart, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PRIMITIVE_TOPOLOGY_LIST_RESTART_FEATURES_EXT,
+           VK_EXT_PRIMITIVE_TOPOLOGY_LIST_RESTART_EXTENSION_NAME);
+    append(multiDraw, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MULTI_DRAW_FEATURES_EXT, VK_EXT_MULTI_DRAW_EXTENSION_NAME);
+    append(divisor, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VERTEX_ATTRIBUTE_DIVISOR_FEATURES_EXT, VK_EXT_VERTEX_ATTRIBUTE_DIVISOR_EXTENSION_NAME);
+    append(atomicFloat, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_ATOMIC_FLOAT_FEATURES_EXT, VK_EXT_SHADER_ATOMIC_FLOAT_EXTENSION_NAME);
     vkGetPhysicalDeviceFeatures2(physical, &all);
   }
   all.features = features;
   std::vector<const char*> names;
-  for (const std::string& available : availableExtensions(physical))
-    for (const char* wanted : kDeviceExtensions)
-      if (available == wanted) extensions.push_back(available), names.push_back(wanted);
-  VkPhysicalDevice4444FormatsFeaturesEXT smallFormats{};
-  smallFormats.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_4444_FORMATS_FEATURES_EXT;
-  smallFormats.formatA4R4G4B4 = smallFormats.formatA4B4G4R4 = VK_TRUE;
-  VkPhysicalDeviceCustomBorderColorFeaturesEXT borders{};
-  borders.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_CUSTOM_BORDER_COLOR_FEATURES_EXT;
-  borders.customBorderColors = borders.customBorderColorWithoutFormat = VK_TRUE;
-  auto* chainEnd = properties.apiVersion >= VK_API_VERSION_1_3 ? reinterpret_cast<VkBaseOutStructure*>(&vulkan13)
-                                                               : reinterpret_cast<VkBaseOutStructure*>(&vulkan12);
-  auto append = [&](const char* extension, void* structure) {
-    if (!has(extension) || !all.pNext) return;
-    chainEnd->pNext = static_cast<VkBaseOutStructure*>(structure);
-    chainEnd = chainEnd->pNext;
-  };
-  append(VK_EXT_4444_FORMATS_EXTENSION_NAME, &smallFormats);
-  append(VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME, &borders);
+  for (const std::string& e : extensions) names.push_back(e.c_str());
   VkDeviceCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   if (all.pNext)

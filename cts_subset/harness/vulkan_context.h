@@ -80,6 +80,15 @@ class Device {
   VkPhysicalDeviceVulkan11Features vulkan11{};
   VkPhysicalDeviceVulkan12Features vulkan12{};
   VkPhysicalDeviceVulkan13Features vulkan13{};
+  // Of extensions: all false where the extension is missing.
+  VkPhysicalDevice4444FormatsFeaturesEXT smallFormats{};
+  VkPhysicalDeviceCustomBorderColorFeaturesEXT borders{};
+  VkPhysicalDeviceRobustness2FeaturesEXT robustness2{};
+  VkPhysicalDeviceIndexTypeUint8FeaturesEXT indexTypeUint8{};
+  VkPhysicalDevicePrimitiveTopologyListRestartFeaturesEXT listRestart{};
+  VkPhysicalDeviceMultiDrawFeaturesEXT multiDraw{};
+  VkPhysicalDeviceVertexAttributeDivisorFeaturesEXT divisor{};
+  VkPhysicalDeviceShaderAtomicFloatFeaturesEXT atomicFloat{};
   std::vector<std::string> extensions;  // enabled
   VkPhysicalDeviceMemoryProperties memory{};
 

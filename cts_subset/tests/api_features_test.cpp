@@ -45,11 +45,21 @@ class ApiFeatures : public OnDevice {
   std::unique_ptr<Workspace> work;
 };
 
+const char* const kViewVertex = R"(#version 460
+#extension GL_EXT_multiview : require
+layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) flat out uint view;
+void main() {
+  gl_Position = vec4(vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2) * 2 - 1, given.w, 1);
+  view = gl_ViewIndex;
+}
+)";
 const char* const kViewFragment = R"(#version 460
 #extension GL_EXT_multiview : require
 layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) flat in uint view;
 layout(location = 0) out uvec4 color;
-void main() { color = uvec4(gl_ViewIndex + 1, uint(gl_FragCoord.x), uint(given.x), 7); }
+void main() { color = uvec4(gl_ViewIndex + 1, uint(gl_FragCoord.x), uint(given.x), view); }
 )";
 
 TEST_P(ApiFeatures, MultiviewInDynamicRendering) {
@@ -59,6 +69,7 @@ TEST_P(ApiFeatures, MultiviewInDynamicRendering) {
   VkImageView view = work->view(image);
   VkPipelineLayout layout = pushLayout();
   GraphicsSpec spec;
+  spec.vertex = kViewVertex;
   spec.fragment = kViewFragment;
   spec.colors = {kUint};
   spec.viewMask = 0b1011;
@@ -94,6 +105,7 @@ TEST_P(ApiFeatures, MultiviewInDynamicRendering) {
     Words p = pixels(image, layer);
     bool drawn = spec.viewMask >> layer & 1;
     EXPECT_EQ(at(p, 1, 3, 0), drawn ? layer + 1 : 99);
+    EXPECT_EQ(at(p, 1, 3, 3), drawn ? layer : 0) << "of the vertex stage";
     EXPECT_EQ(at(p, 3, 3, 1), drawn ? 3u : 0u);
     EXPECT_EQ(at(p, 5, 3, 0), drawn ? 50u : 99u);
     EXPECT_EQ(at(p, 7, 0, 0), drawn ? 60u : 99u);
@@ -165,6 +177,7 @@ TEST_P(ApiFeatures, MultiviewRenderPass2WithInputAttachmentAndImagelessFramebuff
 
   VkPipelineLayout layout = pushLayout();
   GraphicsSpec spec;
+  spec.vertex = kViewVertex;
   spec.fragment = kViewFragment;
   spec.pass = pass;
   spec.colorCount = 1;
@@ -172,6 +185,7 @@ TEST_P(ApiFeatures, MultiviewRenderPass2WithInputAttachmentAndImagelessFramebuff
   VkDescriptorSetLayout setLayout = makeSetLayout(*work, {{0, VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT, 1, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr}});
   VkPipelineLayout readLayout = makePipelineLayout(*work, {setLayout}, 16, kGraphics);
   spec.subpass = 1;
+  spec.vertex = kWholeTarget;
   spec.fragment = R"(#version 460
 #extension GL_EXT_multiview : require
 layout(input_attachment_index = 0, binding = 0) uniform usubpassInput before;
@@ -507,6 +521,221 @@ void main() { color = passed; }
     EXPECT_EQ(at(p, i, 4, 2), drawn ? i : 0);
     EXPECT_EQ(at(p, i, 4, 3), drawn ? (10 + i) * 100 + 3 * i : 0);
   }
+}
+
+// Indices of one byte with restarts in a list, several draws of one command, attributes that advance every third instance,
+// and an attribute that lies beyond the buffer in part.
+TEST_P(ApiFeatures, IndicesDrawsAndAttributesOfExtensions) {
+  PUMICE_NEED_FEATURE(device().indexTypeUint8.indexTypeUint8 && device().listRestart.primitiveTopologyListRestart && device().multiDraw.multiDraw &&
+                      device().divisor.vertexAttributeInstanceRateDivisor && device().divisor.vertexAttributeInstanceRateZeroDivisor &&
+                      device().robustness2.robustBufferAccess2 && device().vulkan13.dynamicRendering);
+  auto drawMulti = reinterpret_cast<PFN_vkCmdDrawMultiEXT>(vkGetDeviceProcAddr(handle(), "vkCmdDrawMultiEXT"));
+  auto drawMultiIndexed = reinterpret_cast<PFN_vkCmdDrawMultiIndexedEXT>(vkGetDeviceProcAddr(handle(), "vkCmdDrawMultiIndexedEXT"));
+  ASSERT_TRUE(drawMulti && drawMultiIndexed);
+  Image image = target(kUint);
+  VkImageView view = work->view(image);
+  VkPipelineLayout layout = pushLayout();
+  GraphicsSpec spec;
+  spec.topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST;
+  // A point at column VertexIndex, row InstanceIndex.
+  spec.vertex = R"(#version 460
+layout(location = 0) in uint slow;
+layout(location = 1) in uint never;
+layout(location = 2) in uvec3 beyond;
+layout(location = 0) flat out uvec4 passed;
+void main() {
+  passed = uvec4(slow, never, gl_DrawID, beyond.x + beyond.y + beyond.z + 1);
+  gl_Position = vec4((gl_VertexIndex + 0.5) / 4.0 - 1.0, (gl_InstanceIndex + 0.5) / 4.0 - 1.0, 0.5, 1);
+  gl_PointSize = 1.0;
+}
+)";
+  spec.fragment = R"(#version 460
+layout(location = 0) flat in uvec4 passed;
+layout(location = 0) out uvec4 color;
+void main() { color = passed; }
+)";
+  spec.colors = {kUint};
+  spec.bindings = {{0, 4, VK_VERTEX_INPUT_RATE_INSTANCE}, {1, 4, VK_VERTEX_INPUT_RATE_INSTANCE}, {2, 12, VK_VERTEX_INPUT_RATE_VERTEX}};
+  spec.attributes = {{0, 0, VK_FORMAT_R32_UINT, 0}, {1, 1, VK_FORMAT_R32_UINT, 0}, {2, 2, VK_FORMAT_R32G32B32_UINT, 0}};
+  const VkVertexInputBindingDivisorDescriptionEXT divisors[2] = {{0, 3}, {1, 0}};
+  VkPipelineVertexInputDivisorStateCreateInfoEXT divisorInfo{VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_DIVISOR_STATE_CREATE_INFO_EXT, nullptr, 2, divisors};
+  spec.inputNext = &divisorInfo;
+  spec.primitiveRestart = true;
+  VkPipeline pipeline = makeGraphics(*work, layout, spec);
+  Buffer slow = work->bufferOf(Words{10, 20, 30, 40, 50, 60, 70, 80}, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+  // Two whole vertices, then two of the third one's three words.
+  Buffer beyond = work->bufferOf(Words{1, 2, 3, 4, 5, 6, 7, 8}, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+  const uint8_t bytes[8] = {0, 0xff, 2, 1, 3, 0xff, 4, 0};
+  Buffer indices = work->buffer(sizeof bytes, VK_BUFFER_USAGE_INDEX_BUFFER_BIT, bytes);
+  device().run([&](VkCommandBuffer c) {
+    VkClearValue clear{};
+    std::vector<VkRenderingAttachmentInfo> colors = {rendered(view, VK_ATTACHMENT_LOAD_OP_CLEAR, clear)};
+    VkRenderingInfo info = renderingInfo(kSize, colors);
+    vkCmdBeginRendering(c, &info);
+    wholeTarget(c, kSize);
+    vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
+    VkBuffer buffers[3] = {slow.handle, slow.handle, beyond.handle};
+    VkDeviceSize offsets[3]{};
+    vkCmdBindVertexBuffers(c, 0, 3, buffers, offsets);
+    vkCmdBindIndexBuffer(c, indices.handle, 0, VK_INDEX_TYPE_UINT8_EXT);
+    // Rows 1 to 5: vertices 0 and 2 by the first draw, 3 and 4 by the second (with the restarts between them).
+    const VkMultiDrawIndexedInfoEXT indexed[2] = {{0, 3, 0}, {4, 3, 0}};
+    drawMultiIndexed(c, 2, indexed, 5, 1, sizeof(VkMultiDrawIndexedInfoEXT), nullptr);
+    // Row 7: vertices 0 and 5.
+    const VkMultiDrawInfoEXT plain[2] = {{0, 1}, {5, 1}};
+    drawMulti(c, 2, plain, 1, 7, sizeof(VkMultiDrawInfoEXT));
+    vkCmdEndRendering(c);
+    fullBarrier(c);
+  });
+  Words p = pixels(image);
+  for (uint32_t y = 0; y < 8; y++)
+    for (uint32_t x = 0; x < 8; x++) {
+      SCOPED_TRACE(testing::Message() << "pixel " << x << " " << y);
+      bool first = y >= 1 && y <= 5 && (x == 0 || x == 2 || x == 3 || x == 4), last = y == 7 && (x == 0 || x == 5);
+      EXPECT_EQ(at(p, x, y, 0), first ? 20 + (y - 1) / 3 * 10 : last ? 80u : 0u);
+      EXPECT_EQ(at(p, x, y, 1), first ? 20u : last ? 80u : 0u);
+      EXPECT_EQ(at(p, x, y, 2), (first && x >= 3) || (last && x == 5) ? 1u : 0u);
+      EXPECT_EQ(at(p, x, y, 3), first || last ? (x == 0 ? 7u : 1u) : 0u);
+    }
+}
+
+// Subgroups of the other stages: whatever their lanes are, the operations agree with each other.
+TEST_P(ApiFeatures, SubgroupsOfVertexAndFragmentShaders) {
+  VkPhysicalDeviceVulkan11Properties v11{};
+  v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
+  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  constexpr VkSubgroupFeatureFlags kNeeded = VK_SUBGROUP_FEATURE_ARITHMETIC_BIT | VK_SUBGROUP_FEATURE_BALLOT_BIT | VK_SUBGROUP_FEATURE_QUAD_BIT;
+  PUMICE_NEED_FEATURE((v11.subgroupSupportedStages & kGraphics) == kGraphics && (v11.subgroupSupportedOperations & kNeeded) == kNeeded &&
+                      device().vulkan13.dynamicRendering);
+  Image image = target(kUint);
+  VkImageView view = work->view(image);
+  VkPipelineLayout layout = pushLayout();
+  GraphicsSpec spec;
+  spec.vertex = R"(#version 460
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) flat out uint right;
+void main() {
+  gl_Position = vec4(vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2) * 2 - 1, given.w, 1);
+  uint lanes = subgroupBallotBitCount(subgroupBallot(true));
+  right = subgroupAdd(1u) == lanes && lanes >= 1 && subgroupInclusiveAdd(1u) <= lanes && subgroupBroadcastFirst(5u) == 5u ? 1u : 0u;
+}
+)";
+  spec.fragment = R"(#version 460
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_KHR_shader_subgroup_arithmetic : require
+#extension GL_KHR_shader_subgroup_quad : require
+layout(location = 0) flat in uint right;
+layout(location = 0) out uvec4 color;
+void main() {
+  uint lanes = subgroupBallotBitCount(subgroupBallot(true)), x = uint(gl_FragCoord.x), y = uint(gl_FragCoord.y);
+  bool ok = subgroupAdd(1u) == lanes && subgroupMax(gl_SubgroupInvocationID) < gl_SubgroupSize && lanes >= 4;
+  color = uvec4(right, ok ? 1 : 0, subgroupQuadSwapHorizontal(x) * 10 + subgroupQuadSwapVertical(y), gl_SubgroupSize);
+}
+)";
+  spec.colors = {kUint};
+  VkPipeline pipeline = makeGraphics(*work, layout, spec);
+  device().run([&](VkCommandBuffer c) {
+    VkClearValue clear{};
+    std::vector<VkRenderingAttachmentInfo> colors = {rendered(view, VK_ATTACHMENT_LOAD_OP_CLEAR, clear)};
+    VkRenderingInfo info = renderingInfo(kSize, colors);
+    vkCmdBeginRendering(c, &info);
+    wholeTarget(c, kSize);
+    vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
+    push(c, layout, 0, 0, 0, 0.5f);
+    vkCmdDraw(c, 3, 1, 0, 0);
+    vkCmdEndRendering(c);
+    fullBarrier(c);
+  });
+  Words p = pixels(image);
+  for (uint32_t y = 0; y < 8; y++)
+    for (uint32_t x = 0; x < 8; x++) {
+      SCOPED_TRACE(testing::Message() << "pixel " << x << " " << y);
+      EXPECT_EQ(at(p, x, y, 0), 1u);
+      EXPECT_EQ(at(p, x, y, 1), 1u);
+      EXPECT_EQ(at(p, x, y, 2), (x ^ 1) * 10 + (y ^ 1));
+      EXPECT_EQ(at(p, x, y, 3), v11.subgroupSize);
+    }
+}
+
+TEST_P(ApiFeatures, BudgetPrioritiesAndCalibratedTimestamps) {
+  PUMICE_NEED_FEATURE(device().has(VK_EXT_MEMORY_BUDGET_EXTENSION_NAME) && device().has(VK_EXT_CALIBRATED_TIMESTAMPS_EXTENSION_NAME));
+  auto usage = [&] {
+    VkPhysicalDeviceMemoryBudgetPropertiesEXT budget{};
+    budget.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MEMORY_BUDGET_PROPERTIES_EXT;
+    VkPhysicalDeviceMemoryProperties2 m{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MEMORY_PROPERTIES_2, &budget, {}};
+    vkGetPhysicalDeviceMemoryProperties2(device().physical, &m);
+    EXPECT_GT(budget.heapBudget[0], 0u);
+    EXPECT_LE(budget.heapBudget[0], m.memoryProperties.memoryHeaps[0].size);
+    return budget.heapUsage[0];
+  };
+  uint64_t before = usage();
+  work->buffer(64 << 20, kStorage);
+  if (GetParam() == Role::kTested) {
+    EXPECT_GE(usage(), before + (64 << 20));
+  }
+  auto domains = reinterpret_cast<PFN_vkGetPhysicalDeviceCalibrateableTimeDomainsEXT>(
+      vkGetInstanceProcAddr(world().instance->handle(), "vkGetPhysicalDeviceCalibrateableTimeDomainsEXT"));
+  auto calibrated = reinterpret_cast<PFN_vkGetCalibratedTimestampsEXT>(vkGetDeviceProcAddr(handle(), "vkGetCalibratedTimestampsEXT"));
+  ASSERT_TRUE(domains && calibrated);
+  uint32_t count = 0;
+  check(domains(device().physical, &count, nullptr), "vkGetPhysicalDeviceCalibrateableTimeDomainsEXT");
+  std::vector<VkTimeDomainEXT> all(count);
+  check(domains(device().physical, &count, all.data()), "vkGetPhysicalDeviceCalibrateableTimeDomainsEXT");
+  EXPECT_NE(std::find(all.begin(), all.end(), VK_TIME_DOMAIN_DEVICE_EXT), all.end());
+  std::vector<VkCalibratedTimestampInfoEXT> infos;
+  for (VkTimeDomainEXT d : all) infos.push_back({VK_STRUCTURE_TYPE_CALIBRATED_TIMESTAMP_INFO_EXT, nullptr, d});
+  std::vector<uint64_t> first(count), second(count);
+  uint64_t deviation = 0;
+  check(calibrated(handle(), count, infos.data(), first.data(), &deviation), "vkGetCalibratedTimestampsEXT");
+  check(calibrated(handle(), count, infos.data(), second.data(), &deviation), "vkGetCalibratedTimestampsEXT");
+  for (uint32_t i = 0; i < count; i++) EXPECT_GE(second[i], first[i]) << all[i];
+  // A timestamp of the queue lies between two of the device's domain.
+  VkQueryPoolCreateInfo queryInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 1, 0};
+  VkQueryPool queries = VK_NULL_HANDLE;
+  check(vkCreateQueryPool(handle(), &queryInfo, nullptr, &queries), "vkCreateQueryPool");
+  work->onDestroy([d = handle(), queries] { vkDestroyQueryPool(d, queries, nullptr); });
+  device().run([&](VkCommandBuffer c) {
+    vkCmdResetQueryPool(c, queries, 0, 1);
+    vkCmdWriteTimestamp(c, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 0);
+  });
+  uint64_t stamp = 0, third = 0;
+  check(vkGetQueryPoolResults(handle(), queries, 0, 1, 8, &stamp, 8, VK_QUERY_RESULT_64_BIT), "vkGetQueryPoolResults");
+  VkCalibratedTimestampInfoEXT own{VK_STRUCTURE_TYPE_CALIBRATED_TIMESTAMP_INFO_EXT, nullptr, VK_TIME_DOMAIN_DEVICE_EXT};
+  check(calibrated(handle(), 1, &own, &third, &deviation), "vkGetCalibratedTimestampsEXT");
+  uint64_t device0 = second[std::find(all.begin(), all.end(), VK_TIME_DOMAIN_DEVICE_EXT) - all.begin()];
+  EXPECT_LE(device0, stamp);
+  EXPECT_LE(stamp, third);
+  if (device().has(VK_KHR_GLOBAL_PRIORITY_EXTENSION_NAME)) {
+    VkQueueFamilyGlobalPriorityPropertiesKHR priorities{};
+    priorities.sType = VK_STRUCTURE_TYPE_QUEUE_FAMILY_GLOBAL_PRIORITY_PROPERTIES_KHR;
+    VkQueueFamilyProperties2 family{VK_STRUCTURE_TYPE_QUEUE_FAMILY_PROPERTIES_2, &priorities, {}};
+    uint32_t one = 1;
+    vkGetPhysicalDeviceQueueFamilyProperties2(device().physical, &one, &family);
+    EXPECT_GE(priorities.priorityCount, 1u);
+  }
+}
+
+TEST_P(ApiFeatures, LoadAndStoreNothing) {
+  PUMICE_NEED_FEATURE(device().has(VK_EXT_LOAD_STORE_OP_NONE_EXTENSION_NAME) && device().vulkan13.dynamicRendering);
+  Image image = target(kUint);
+  VkImageView view = work->view(image);
+  device().run([&](VkCommandBuffer c) {
+    VkClearColorValue before{};
+    before.uint32[0] = 31;
+    VkImageSubresourceRange all{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+    vkCmdClearColorImage(c, image.handle, VK_IMAGE_LAYOUT_GENERAL, &before, 1, &all);
+    fullBarrier(c);
+    std::vector<VkRenderingAttachmentInfo> colors = {rendered(view, VK_ATTACHMENT_LOAD_OP_NONE_EXT)};
+    colors[0].storeOp = VK_ATTACHMENT_STORE_OP_NONE;
+    VkRenderingInfo info = renderingInfo(kSize, colors);
+    vkCmdBeginRendering(c, &info);
+    vkCmdEndRendering(c);
+    fullBarrier(c);
+  });
+  EXPECT_EQ(at(pixels(image), 3, 3, 0), 31u);
 }
 
 TEST_P(ApiFeatures, DemoteAndTerminate) {

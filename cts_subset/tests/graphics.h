@@ -24,6 +24,8 @@ struct GraphicsSpec {
   std::vector<VkDynamicState> dynamic;   // besides viewport and scissor
   std::vector<VkVertexInputBindingDescription> bindings;
   std::vector<VkVertexInputAttributeDescription> attributes;
+  const void* inputNext = nullptr;
+  bool primitiveRestart = false;
   VkPipelineCreateFlags flags = 0;
   const void* next = nullptr;
 };
@@ -37,6 +39,7 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   if (!spec.fragment.empty()) stages[1].module = work.shader(VK_SHADER_STAGE_FRAGMENT_BIT, spec.fragment, ShaderTarget::kVulkan13);
   VkPipelineVertexInputStateCreateInfo input{};
   input.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
+  input.pNext = spec.inputNext;
   input.vertexBindingDescriptionCount = uint32_t(spec.bindings.size());
   input.pVertexBindingDescriptions = spec.bindings.data();
   input.vertexAttributeDescriptionCount = uint32_t(spec.attributes.size());
@@ -44,6 +47,7 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   VkPipelineInputAssemblyStateCreateInfo assembly{};
   assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
   assembly.topology = spec.topology;
+  assembly.primitiveRestartEnable = spec.primitiveRestart;
   bool counted = std::find(spec.dynamic.begin(), spec.dynamic.end(), VK_DYNAMIC_STATE_VIEWPORT_WITH_COUNT) != spec.dynamic.end();
   VkPipelineViewportStateCreateInfo viewport{};
   viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;

@@ -474,6 +474,96 @@ void main() {
   expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), expected);
 }
 
+TEST_P(ShaderFeatures, FloatAtomics) {
+  const auto& f = device().atomicFloat;
+  PUMICE_NEED_FEATURE(f.shaderBufferFloat32AtomicAdd && f.shaderSharedFloat32AtomicAdd && f.shaderBufferFloat64AtomicAdd && f.shaderSharedFloat64AtomicAdd &&
+                      f.shaderBufferFloat32Atomics && f.shaderBufferFloat64Atomics);
+  Words in = wordsOf(std::vector<double>{0, 2.5});
+  std::vector<double> r = valuesOf<double>(runCompute(device(), R"(
+#extension GL_EXT_shader_atomic_float : require
+layout(local_size_x = 64) in;
+layout(binding = 0) buffer In { float sum, last; double wide; };
+layout(binding = 1) buffer Out { double r[]; };
+shared float a;
+shared double b;
+void main() {
+  if (gl_LocalInvocationIndex == 0) { a = 1.0; b = 3.0LF; }
+  barrier();
+  atomicAdd(sum, 0.5); atomicAdd(wide, 0.25LF); atomicAdd(a, float(gl_LocalInvocationIndex)); atomicAdd(b, 0.125LF);
+  atomicExchange(last, 7.0);
+  barrier();
+  memoryBarrierBuffer();
+  if (gl_LocalInvocationIndex == 0) { r[0] = double(sum); r[1] = wide; r[2] = double(a); r[3] = b; r[4] = double(last); }
+})", in, 10));
+  expect(r, std::vector<double>{32, 18.5, 2017, 11, 7});
+}
+
+// Descriptors that point nowhere: reads give zero, writes vanish.
+TEST_P(ShaderFeatures, NullDescriptors) {
+  PUMICE_NEED_FEATURE(device().robustness2.nullDescriptor && device().robustness2.robustBufferAccess2);
+  Workspace work(device());
+  VkDescriptorSetLayout setLayout = makeSetLayout(
+      work, {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER),
+             computeBinding(3, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER), computeBinding(4, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE), computeBinding(5, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE)});
+  VkPipelineLayout layout = makePipelineLayout(work, {setLayout});
+  VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 460
+#extension GL_EXT_samplerless_texture_functions : require
+layout(local_size_x = 1) in;
+layout(binding = 0) buffer Out { uint r[8]; };
+layout(binding = 1) buffer S { uint pad; uint s[]; };
+layout(binding = 2) uniform U { uvec4 u; };
+layout(binding = 3) uniform utextureBuffer t;
+layout(binding = 4) uniform utexture2D i;
+layout(binding = 5, r32ui) uniform uimage2D w;
+void main() {
+  s[3] = 5;
+  imageStore(w, ivec2(0), uvec4(9));
+  r[0] = s[3]; r[1] = u.y; r[2] = texelFetch(t, 0).x; r[3] = texelFetch(i, ivec2(0), 0).x; r[4] = imageLoad(w, ivec2(0)).x;
+  r[5] = s.length(); r[6] = textureSize(i, 0).x + imageSize(w).y + textureSize(t); r[7] = 77;
+}
+)", ShaderTarget::kVulkan13), layout);
+  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2}, {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1}, {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, 1},
+                                          {VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, 1}});
+  VkDescriptorSet set = makeSet(work, pool, setLayout);
+  Buffer out = work.bufferOf(Words(8, 1), kStorage);
+  VkDescriptorBufferInfo outInfo{out.handle, 0, VK_WHOLE_SIZE}, none{VK_NULL_HANDLE, 0, VK_WHOLE_SIZE};
+  VkDescriptorImageInfo noImage{VK_NULL_HANDLE, VK_NULL_HANDLE, VK_IMAGE_LAYOUT_GENERAL};
+  VkBufferView noView = VK_NULL_HANDLE;
+  std::vector<VkWriteDescriptorSet> writes = {
+      writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &outInfo), writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &none),
+      writeBuffer(set, 2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, &none), writeBuffer(set, 3, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, nullptr),
+      writeBuffer(set, 4, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, nullptr), writeBuffer(set, 5, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, nullptr)};
+  writes[3].pTexelBufferView = &noView;
+  writes[4].pImageInfo = writes[5].pImageInfo = &noImage;
+  vkUpdateDescriptorSets(device().handle, uint32_t(writes.size()), writes.data(), 0, nullptr);
+  device().run([&](VkCommandBuffer commands) {
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+    vkCmdDispatch(commands, 1, 1, 1);
+    fullBarrier(commands);
+  });
+  expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), Words{0, 0, 0, 0, 0, 0, 0, 77});
+}
+
+TEST_P(ShaderFeatures, OlderSubgroupExtensions) {
+  PUMICE_NEED_FEATURE(device().has(VK_EXT_SHADER_SUBGROUP_BALLOT_EXTENSION_NAME) && device().has(VK_EXT_SHADER_SUBGROUP_VOTE_EXTENSION_NAME) && device().features.shaderInt64);
+  Words r = runCompute(device(), R"(
+#extension GL_ARB_shader_ballot : require
+#extension GL_ARB_shader_group_vote : require
+#extension GL_ARB_gpu_shader_int64 : require
+layout(local_size_x = 64) in;
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  uint i = gl_LocalInvocationIndex, lane = gl_SubGroupInvocationARB;
+  uint64_t even = ballotARB((lane & 1) == 0);
+  bool right = (uint(even) & 3) == 1;
+  right = right && readFirstInvocationARB(lane) == 0 && readInvocationARB(lane * 3, 2) == 6;
+  right = right && anyInvocationARB(lane == 1) && !allInvocationsARB(lane == 1) && allInvocationsEqualARB(lane < 1000);
+  r[i] = right ? 1 : 0;
+})", Words(1), 64);
+  expect(r, Words(64, 1));
+}
+
 // What GLSL cannot say: pointers that differ from lane to lane, into two buffers and into work-group memory.
 TEST_P(ShaderFeatures, VariablePointers) {
   PUMICE_NEED_FEATURE(device().vulkan11.variablePointers);
