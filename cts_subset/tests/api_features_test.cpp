@@ -594,7 +594,9 @@ void main() { color = passed; }
       bool first = y >= 1 && y <= 5 && (x == 0 || x == 2 || x == 3 || x == 4), last = y == 7 && (x == 0 || x == 5);
       EXPECT_EQ(at(p, x, y, 0), first ? 20 + (y - 1) / 3 * 10 : last ? 80u : 0u);
       EXPECT_EQ(at(p, x, y, 1), first ? 20u : last ? 80u : 0u);
-      EXPECT_EQ(at(p, x, y, 2), (first && x >= 3) || (last && x == 5) ? 1u : 0u);
+      if (GetParam() == Role::kTested || !first) {   // lavapipe 22.3 forgets the draw's number where indices restart
+        EXPECT_EQ(at(p, x, y, 2), (first && x >= 3) || (last && x == 5) ? 1u : 0u);
+      }
       EXPECT_EQ(at(p, x, y, 3), first || last ? (x == 0 ? 7u : 1u) : 0u);
     }
 }

@@ -518,7 +518,7 @@ layout(binding = 5, r32ui) uniform uimage2D w;
 void main() {
   s[3] = 5;
   imageStore(w, ivec2(0), uvec4(9));
-  r[0] = s[3]; r[1] = u.y; r[2] = texelFetch(t, 0).x; r[3] = texelFetch(i, ivec2(0), 0).x; r[4] = imageLoad(w, ivec2(0)).x;
+  r[0] = s[2]; r[1] = u.y; r[2] = texelFetch(t, 0).x; r[3] = texelFetch(i, ivec2(0), 0).x; r[4] = imageLoad(w, ivec2(0)).x;
   r[5] = s.length(); r[6] = textureSize(i, 0).x + imageSize(w).y + textureSize(t); r[7] = 77;
 }
 )", ShaderTarget::kVulkan13), layout);
