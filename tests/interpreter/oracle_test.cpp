@@ -5,7 +5,7 @@
 namespace pumice::interp {
 namespace {
 
-constexpr CompileOptions kOracle{ir::Numerics::Oracle};
+const CompileOptions kOracle{ir::Numerics::Oracle, {}};
 
 float floatOf(uint64_t bits) { return std::bit_cast<float>(uint32_t(bits)); }
 
@@ -67,6 +67,47 @@ TEST(Oracle, arithmeticIsThatOfDoublesAndF32IsNear) {
         ASSERT_EQ(got, float(want)) << ir::print(f);
         ASSERT_NEAR(near / want, 1.0, 1e-5) << ir::print(f);
       }
+  }
+}
+
+TEST(Oracle, privateArraysAndWorkGroupMemoryKeepDoublesUntilSomebodyWritesOtherBits) {
+  Function f = parsed(R"(
+    %x = input f32 0
+    %big = const f32 1e8
+    %sum = fadd f32 %x, %big
+    %at = const i32 4
+    %a = local.alloc i32 16
+    local.store +4 %a, %at, %sum
+    %l = local.load f32 +4 %a, %at
+    %fromLocal = fsub f32 %l, %big
+    output 0 %fromLocal
+    %lane = lane.id i32
+    %four = const i32 4
+    %own = imul i32 %lane, %four
+    shared.store %own, %sum
+    %s = shared.load f32 %own
+    %fromShared = fsub f32 %s, %big
+    output 1 %fromShared
+    %bits = const i32 1065353216
+    shared.store %own, %bits
+    %one = shared.load f32 %own
+    output 2 %one
+    local.store +8 %a, %at, %x
+    %never = local.load f32 %a, %at
+    output 3 %never
+  )");
+  f.sharedBytes = 4 * kMaxLanes;
+  for (const Target& target : availableTargets()) {
+    RowRun run(1, 4);
+    run.shared.resize(ir::oracleSharedBytes(f.sharedBytes) + 64);
+    for (unsigned lane = 0; lane < kMaxLanes; lane++) run.inputs[0].set(Type::F32, lane, ir::floatBits(Type::F32, 0.25 * (lane + 1)));
+    run(f, target, kOracle);
+    for (unsigned lane = 0; lane < kMaxLanes; lane++) {
+      EXPECT_EQ(floatOf(run.outputs[0].get(Type::F32, lane)), 0.25f * float(lane + 1)) << target.name;
+      EXPECT_EQ(floatOf(run.outputs[1].get(Type::F32, lane)), 0.25f * float(lane + 1)) << target.name;
+      EXPECT_EQ(floatOf(run.outputs[2].get(Type::F32, lane)), 1.0f) << target.name;
+      EXPECT_EQ(floatOf(run.outputs[3].get(Type::F32, lane)), 0.0f) << target.name;
+    }
   }
 }
 

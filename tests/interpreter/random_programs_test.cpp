@@ -32,7 +32,7 @@ WorldShape shapeOf(uint64_t seed) {
 }
 
 std::unique_ptr<interp::Executable> compiled(const ir::Function& f, const interp::Target& target, ir::Numerics numerics = ir::Numerics::F32) {
-  auto e = interp::compileInterpreterFor(f, {numerics}, target);
+  auto e = interp::compileInterpreterFor(f, {numerics, {}}, target);
   EXPECT_TRUE(e) << e.error().message << "\n" << ir::print(f);
   return e ? std::move(e).value() : nullptr;
 }
