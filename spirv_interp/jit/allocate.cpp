@@ -53,7 +53,7 @@ class Allocator {
           if (!p_.inRegister(o)) continue;
           const uint32_t from = p_.vregOf[o];
           const Vreg& operand = p_.vregs[from];
-          if (from == id || operand.end != at || operand.start == at || operand.wide != v.wide) continue;
+          if (from == id || operand.end != at || operand.start == at || operand.wide != v.wide || operand.flat != v.flat) continue;
           const int r = operand.reg[part];
           if (r >= 0 && held_[r].vreg == from && held_[r].part == part) {
             reg = r;

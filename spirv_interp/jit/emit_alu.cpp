@@ -295,7 +295,7 @@ void Emitter::compare(Value v) {
   };
   for (uint32_t part = 0; part < partsOf(Type::Mask); part++) {
     const Ymm d = target(v, part);
-    if (!wide || preamble_) {
+    if (!wide || single_) {
       one(d, part);
       finish(v, part, d);
     } else {
@@ -313,7 +313,7 @@ void Emitter::compare(Value v) {
 void Emitter::select(Value v) {
   const auto o = f_.operands(v);
   const Type t = f_.type(v);
-  const bool keep = p_.a.nan[v] == interp::NanBits::Kept, wide = ir::typeBytes(t) == 8 && !preamble_;
+  const bool keep = p_.a.nan[v] == interp::NanBits::Kept, wide = ir::typeBytes(t) == 8 && !single_;
   for (uint32_t part = 0; part < partsOf(t); part++) {
     Source yes = keep ? settled(o[1], part, t0()) : source(o[1], part);
     Source no = keep ? settled(o[2], part, t2()) : source(o[2], part);

@@ -25,7 +25,7 @@ bool Emitter::callOut(Value v) {
                                                        : kernels_.op[unsigned(i.op)][unsigned(type)][0];
   if (!site->kernel) return false;
   const bool bits = (info.flags & ir::kEffect) || i.op == Op::BitCast;   // of floats are looked at
-  site->lanes = preamble_ ? kVectorLanes : p_.unroll * kVectorLanes;
+  site->lanes = single_ ? kVectorLanes : p_.unroll * kVectorLanes;
   site->result = i.type;
   site->code.imm = i.imm;
   if (info.operandCount >= 3 && (i.op == Op::Load || i.op == Op::LoadConst || i.op == Op::Store || i.op == Op::Atomic || i.op == Op::AtomicCas) &&
@@ -41,15 +41,15 @@ bool Emitter::callOut(Value v) {
       a_.mov(x86::dword_ptr(frame_, int32_t(frameRow(uint32_t(k)))), x86::eax);
       continue;
     }
-    // The preamble has one vector of any type, the kernel wants 8 elements.
-    const uint32_t parts = preamble_ ? (ir::typeBytes(t) == 8 ? 2 : 1) : partsOf(t);
+    // One vector of any type stands for all lanes, the kernel wants 8 elements.
+    const uint32_t parts = single_ ? (ir::typeBytes(t) == 8 ? 2 : 1) : partsOf(t);
     for (uint32_t part = 0; part < parts; part++) {
       const Ymm s = bits ? loadSettled(o[k], part, t0()) : load(o[k], part, t0());
       a_.vmovaps(frameMem(frameRow(uint32_t(k)), part), s);
     }
   }
   site->code.dst = frameRow(5) - kFrameRows;
-  if (preamble_) a_.mov(x86::eax, 0xff);
+  if (single_) a_.mov(x86::eax, 0xff);
   else vregMaskBits(x86::eax, p_.regions[region_].mask);
   a_.mov(x86::dword_ptr(frame_, kFrameExec), x86::eax);
   callThunk(reinterpret_cast<const void*>(&runCallOut), site.get());

@@ -56,9 +56,14 @@ void Emitter::control(Value v) {
       labels_[id].end = a_.newLabel();
       if (r.uniform) {
         if (r.own) copyMask(r.mask, outer);
-        x86::Mem bits = scalar(condition);
-        bits.setSize(4);
-        a_.cmp(bits, 0);
+        Source bits = source(condition, 0);
+        if (bits.isReg) {
+          a_.vmovd(x86::eax, bits.reg.xmm());
+          a_.test(x86::eax, x86::eax);
+        } else {
+          bits.mem.setSize(4);
+          a_.cmp(bits.mem, 0);
+        }
         a_.jz(labels_[id].start);
       } else {
         if (r.condition != kNone && r.condition != p_.vregOf[condition]) copyMask(r.condition, p_.vregOf[condition]);
@@ -102,6 +107,7 @@ void Emitter::control(Value v) {
       labels_[id].start = a_.newLabel();
       labels_[id].end = a_.newLabel();
       if (i.op == Op::Loop) {
+        labels_[id].out = a_.newLabel();
         a_.align(asmjit::AlignMode::kCode, 16);
         a_.bind(labels_[id].start);
       }
@@ -117,22 +123,32 @@ void Emitter::control(Value v) {
       if (i.op == Op::EndLoop) {
         if (p_.mayWait) {
           const asmjit::Label finished = a_.newLabel();
-          none(r.mask, finished);
+          if (r.own) none(r.mask, finished);
           a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, turns)));
           a_.jnz(labels_[id].start);
           suspend(interp::Progress::Yielded, labels_[id].start);
           a_.bind(finished);
-        } else {
+        } else if (r.own) {
           any(r.mask, labels_[id].start);
+        } else {
+          a_.jmp(labels_[id].start);
         }
+        a_.bind(labels_[id].out);
       }
       region_ = r.parent;
       if (r.parentLeft) none(p_.regions[region_].mask, endOf(region_));
       return;
     }
     case Op::Break: {
-      const uint32_t from = p_.regions[region_].mask;
       uint32_t r = region_;
+      if (p_.flat[v]) {
+        // Everybody leaves: straight behind the construct.
+        for (uint64_t left = i.imm + 1;; r = p_.regions[r].parent)
+          if ((p_.regions[r].op == Op::Loop || p_.regions[r].op == Op::Block) && --left == 0) break;
+        a_.jmp(p_.regions[r].op == Op::Loop ? labels_[r].out : labels_[r].end);
+        return;
+      }
+      const uint32_t from = p_.regions[region_].mask;
       for (uint32_t left = uint32_t(i.imm) + 1; r; r = p_.regions[r].parent) {
         if (r != region_) {
           const uint32_t m = p_.regions[r].mask;

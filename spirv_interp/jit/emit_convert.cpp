@@ -66,7 +66,7 @@ bool Emitter::convert(Value v) {
           bin(I::kIdVpand, d, source(o, part), mem(pool32(keep)));
           return;
         }
-        const uint32_t low = preamble_ ? 0 : part * 2, high = preamble_ ? 0 : part * 2 + 1;
+        const uint32_t low = single_ ? 0 : part * 2, high = single_ ? 0 : part * 2 + 1;
         const Ymm a = load(o, low, t0());
         a_.emit(I::kIdVshufps, t0(), a, source(o, high).op(), asmjit::imm(0x88));
         a_.vpermq(t0(), t0(), 0xd8);
@@ -100,7 +100,7 @@ bool Emitter::convert(Value v) {
       }
       if (from == Type::F64 && to == Type::F32) {
         return each([&](Ymm d, uint32_t part) {
-          const uint32_t low = preamble_ ? 0 : part * 2, high = preamble_ ? 0 : part * 2 + 1;
+          const uint32_t low = single_ ? 0 : part * 2, high = single_ ? 0 : part * 2 + 1;
           a_.vcvtpd2ps(t0().xmm(), load(o, low, t0()));
           a_.vcvtpd2ps(t1().xmm(), load(o, high, t1()));
           a_.vinsertf128(d, t0(), t1().xmm(), 1);

@@ -17,6 +17,9 @@ x86::Mem at(x86::Mem m, int32_t offset) {
 
 }  // namespace
 
+//! A device address: nothing may be read for lanes that are not active.
+bool Emitter::isUnbounded(Value size) const { return isConst(size) && f_.insts[size].imm >> 62; }
+
 uint32_t Emitter::rangeSlot(Value base, Value size, uint32_t table, uint32_t constant, uint32_t bytes, bool store) {
   // Equal ones stand close together.
   for (size_t k = ranges_.size(), last = k > 64 ? k - 64 : 0; k-- > last;)
@@ -162,6 +165,19 @@ bool Emitter::mayBeLinear(Value offset) {
 void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit) {
   const Type t = f_.type(v);
   const uint32_t bytes = ir::typeBytes(t);
+  if (p_.flat[offset]) {
+    a_.vmovd(x86::eax, load(offset, 0, t0()).xmm());
+    a_.cmp(x86::rax, at(limit, kRangeLast));
+    a_.lea(x86::rax, x86::ptr(base, x86::rax));
+    a_.mov(x86::rcx, uint64_t(reinterpret_cast<uintptr_t>(zeroBlock())));
+    a_.cmova(x86::rax, x86::rcx);
+    for (uint32_t part = 0; part < partsOf(t); part++) {
+      const Ymm d = target(v, part);
+      broadcast(d, x86::rax, t);
+      finish(v, part, d);
+    }
+    return;
+  }
   if (bytes == 4) {
     const bool look = mayBeLinear(offset);
     for (uint32_t part = 0; part < p_.unroll; part++) {
@@ -375,7 +391,7 @@ bool Emitter::memory(Value v) {
         }
         return true;
       }
-      if (f_.type(offset) != Type::I32) return false;
+      if (f_.type(offset) != Type::I32 || (size && isUnbounded(size))) return false;
       const x86::Mem limit = useRange(rangeSlot(base, size, number, constant, bytes, false));
       if (bytes == 4) a_.mov(x86::rdi, at(limit, kRangeBiased));
       loadRange(v, offset, x86::rsi, x86::rdi, limit);

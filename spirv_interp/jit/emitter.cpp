@@ -106,6 +106,7 @@ x86::Mem Emitter::scalar(Value v) {
 
 Source Emitter::vregSource(uint32_t id, uint32_t part) {
   const Vreg& r = p_.vregs[id];
+  if (r.flat) part = 0;
   if (r.reg[part] >= 0) return reg(x86::ymm(uint32_t(r.reg[part])));
   return mem(slotMem(r.slot[part]));
 }
@@ -290,7 +291,7 @@ void Emitter::body() {
     vregFinish(all, part, d);
   }
   for (Value v : p_.zeroed)
-    for (uint32_t part = 0; part < partsOf(f_.type(v)); part++) {
+    for (uint32_t part = 0; part < p_.parts(p_.vregs[p_.vregOf[v]]); part++) {
       const Ymm d = target(v, part);
       a_.vxorps(d.xmm(), d.xmm(), d.xmm());
       finish(v, part, d);
@@ -302,7 +303,11 @@ void Emitter::body() {
     if (op == Op::Nop || op == Op::Var || op == Op::LocalAlloc) continue;
     out_->operations++;
     if (ir::opInfo(op).flags & ir::kControl || op == Op::Barrier) control(v);
-    else operation(v);
+    else {
+      single_ = p_.flat[v];
+      operation(v);
+      single_ = false;
+    }
   }
   a_.bind(labels_[0].end);
   a_.xor_(x86::eax, x86::eax);
@@ -324,7 +329,7 @@ void Emitter::body() {
 }
 
 void Emitter::makePreamble() {
-  preamble_ = true;
+  preamble_ = single_ = true;
   for (const x86::Gp& r : {x86::rbx, x86::rbp, x86::r12, x86::r13, x86::r14, x86::r15}) a_.push(r);
   a_.sub(x86::rsp, 8);
   a_.mov(frame_, x86::rdi);
@@ -349,7 +354,7 @@ void Emitter::makePreamble() {
   a_.add(x86::rsp, 8);
   for (const x86::Gp& r : {x86::r15, x86::r14, x86::r13, x86::r12, x86::rbp, x86::rbx}) a_.pop(r);
   a_.ret();
-  preamble_ = false;
+  preamble_ = single_ = false;
 }
 
 }  // namespace pumice::jit

@@ -49,7 +49,7 @@ class Emitter {
 
  private:
   // --- places (emitter.cpp)
-  uint32_t partsOf(Type t) const { return preamble_ ? 1 : ir::typeBytes(t) == 8 ? p_.unroll * 2 : p_.unroll; }
+  uint32_t partsOf(Type t) const { return single_ ? 1 : ir::typeBytes(t) == 8 ? p_.unroll * 2 : p_.unroll; }
   Source source(Value v, uint32_t part);
   //! v in a register: its own or `scratch`.
   Ymm load(Value v, uint32_t part, Ymm scratch);
@@ -130,6 +130,7 @@ class Emitter {
   void storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit);
   void sharedRange(uint32_t constant, uint32_t bytes, bool store);
   bool mayBeLinear(Value offset);
+  bool isUnbounded(Value size) const;
   void tileLoad(Value v);
   void tileStore(Value v);
 
@@ -152,6 +153,7 @@ class Emitter {
   x86::Assembler a_;
   Emitted* out_ = nullptr;
   bool preamble_ = false;
+  bool single_ = false;         //!< the operation has one part only: preamble, or flat
   std::string error_;
   uint32_t region_ = 0;
 
@@ -169,7 +171,7 @@ class Emitter {
   std::vector<uint8_t> aligned_;            // by value: isAligned; empty: unknown
   std::vector<uint32_t> localArea_;         // by LocalAlloc
   struct RegionLabels {
-    asmjit::Label end, start;
+    asmjit::Label end, start, out;   //!< out: behind a loop's end
   };
   std::vector<RegionLabels> labels_;
   std::vector<asmjit::Label> resumes_;

@@ -18,7 +18,7 @@ bool wantsNative() {
     return false;
   }
   if (*wanted == "jit" && !available()) base::logError("PUMICE_ENGINE=jit: this processor has no AVX2, FMA and F16C, or PUMICE_ISA forbids them");
-  return *wanted == "jit" && available();   // auto: the interpreter, for now
+  return available();
 }
 
 struct Settings {

@@ -39,7 +39,9 @@ class Planner {
     p_.masked.assign(n, 1);
     p_.vregs.reserve(n + 8);
     home_.assign(n, kNone);
+    p_.flat.assign(n, 0);
     findRegions();
+    findFlat();
     for (const Inst& i : f_.insts) {
       p_.mayWait |= i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
                     ((i.op == Op::Load || i.op == Op::SharedLoad) && (i.flags & ir::kInstVolatile));
@@ -62,7 +64,7 @@ class Planner {
         p_.regions[r].end = v;
         p_.regionOf[v] = r;
         if (i.op == Op::Else) {
-          Region e{.op = i.op, .begin = v, .parent = open.back(), .uniform = p_.regions[r].uniform};
+          Region e{.op = i.op, .begin = v, .parent = open.back()};
           then_.resize(p_.regions.size() + 1, kNone);
           then_[p_.regions.size()] = r;
           p_.regionOf[v] = uint32_t(p_.regions.size());   // an else opens and closes; the closed one is then_
@@ -73,31 +75,103 @@ class Planner {
       }
       if (i.op == Op::If || i.op == Op::Loop || i.op == Op::Block) {
         Region r{.op = i.op, .begin = v, .parent = open.back()};
-        r.uniform = i.op == Op::If && p_.a.uniform[f_.operands(v)[0]];
         p_.regionOf[v] = uint32_t(p_.regions.size());
         open.push_back(uint32_t(p_.regions.size()));
         p_.regions.push_back(r);
       }
-      if (i.op == Op::Break) {
-        uint64_t left = i.imm + 1;
-        for (size_t k = open.size(); k-- > 1;) {
-          Region& r = p_.regions[open[k]];
-          r.left = true;
-          if ((r.op == Op::Loop || r.op == Op::Block) && --left == 0) break;
-          r.parentLeft = true;
-        }
+      if (i.op == Op::Break) breaks_.push_back({v, open.back()});
+      if (i.op == Op::VarSet && p_.a.needed[v]) {
+        const Value var = f_.operands(v)[0];
+        if (home_[var] == kNone) home_[var] = p_.a.setFirst[var] ? open.back() : 0;
+        sets_.push_back({v, open.back()});
       }
     }
     then_.resize(p_.regions.size(), kNone);
-    for (uint32_t r = 1; r < p_.regions.size(); r++) {
-      if (then_[r] == kNone) continue;
-      Region& t = p_.regions[then_[r]];
-      p_.regions[r].parentLeft |= t.parentLeft;   // tested once, behind the else
-      // A break on either side: both have a mask of their own.
-      const bool left = t.left || p_.regions[r].left;
-      t.left = p_.regions[r].left = left;
+  }
+
+  struct Place {
+    Value v;
+    uint32_t region;
+  };
+
+  //! Calls f(region) for the regions that a break leaves, innermost first.
+  template <class F>
+  void eachLeft(const Place& b, F f) const {
+    uint64_t left = f_.insts[b.v].imm + 1;
+    for (uint32_t r = b.region; r; r = p_.regions[r].parent) {
+      const Op op = p_.regions[r].op;
+      const bool last = (op == Op::Loop || op == Op::Block) && --left == 0;
+      f(r, last);
+      if (last) return;
     }
-    for (Region& r : p_.regions) r.own = !((r.op == Op::Block || r.uniform) && !r.left);
+  }
+
+  //! Which values are the same in all lanes, which regions do all active lanes run alike: assumed of all that may be, until
+  //! nothing speaks against it.
+  void findFlat() {
+    constexpr unsigned kRounds = 12;   // hardly ever more than three
+    std::vector<uint8_t>& flat = p_.flat;
+    std::vector<uint8_t> flatVar(f_.insts.size(), 1);
+    for (unsigned round = 0;; round++) {
+      for (Value v = 1; v < f_.insts.size(); v++) flat[v] = isFlat(v, flatVar);
+      for (uint32_t r = 1; r < p_.regions.size(); r++) {
+        Region& region = p_.regions[r];
+        const Value begin = p_.regions[then_[r] != kNone ? then_[r] : r].begin;
+        if (region.op == Op::If || region.op == Op::Else) {
+          const Value condition = f_.operands(begin)[0];
+          region.uniform = p_.a.uniform[condition] || flat[condition];
+          region.own = !region.uniform;
+        } else {
+          region.own = false;
+        }
+      }
+      for (bool changed = true; changed;) {
+        changed = false;
+        for (const Place& b : breaks_) {
+          bool any = false, all = true;
+          eachLeft(b, [&](uint32_t r, bool) {
+            any |= p_.regions[r].own;
+            all &= p_.regions[r].own;
+          });
+          flat[b.v] = !any;
+          if (!any || all) continue;
+          eachLeft(b, [&](uint32_t r, bool) { p_.regions[r].own = true; });
+          changed = true;
+        }
+      }
+      bool again = false;
+      for (const Place& set : sets_) {
+        const Value var = f_.operands(set.v)[0], value = f_.operands(set.v)[1];
+        if (!flatVar[var]) continue;
+        bool same = p_.a.uniform[value] || flat[value];
+        for (uint32_t r = set.region; same && r != home_[var] && r != kNone; r = p_.regions[r].parent) same = !p_.regions[r].own;
+        if (same) continue;
+        flatVar[var] = 0;
+        again = true;
+      }
+      if (!again) break;
+      if (round == kRounds) std::fill(flatVar.begin(), flatVar.end(), uint8_t(0));
+    }
+    for (const Place& set : sets_) flat[set.v] = flat[f_.operands(set.v)[0]];
+    for (const Place& b : breaks_)
+      if (!flat[b.v]) eachLeft(b, [&](uint32_t r, bool last) { p_.regions[r].parentLeft |= !last; });
+    for (uint32_t r = 1; r < p_.regions.size(); r++)
+      if (then_[r] != kNone) p_.regions[r].parentLeft |= p_.regions[then_[r]].parentLeft;   // tested once, behind the else
+    std::fill(home_.begin(), home_.end(), kNone);
+  }
+  bool isFlat(Value v, const std::vector<uint8_t>& flatVar) const {
+    const Inst& i = f_.insts[v];
+    const auto o = f_.operands(v);
+    if (!p_.a.needed[v] || p_.a.uniform[v]) return false;
+    if (i.op == Op::Var) return flatVar[v];
+    if (i.op == Op::VarGet) return flatVar[o[0]];
+    const auto same = [&](Value x) { return p_.a.uniform[x] || p_.flat[x]; };
+    if (i.op == Op::TableLoad) return same(o[0]);
+    if (i.op == Op::LoadConst) return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && same(o[1]) && f_.type(o[1]) == Type::I32 &&
+                                         !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
+    const ir::OpInfo& info = ir::opInfo(i.op);
+    if (!(info.flags & ir::kPure) || info.operands == ir::OperandRule::Free || o.empty()) return false;
+    return std::all_of(o.begin(), o.end(), same);
   }
 
   uint32_t newVreg(uint32_t start, bool wide = false) {
@@ -124,6 +198,7 @@ class Planner {
   void useMask(Value at) { useReg(p_.regions[current_].mask, at); }
   void define(Value v) {
     p_.vregOf[v] = newVreg(v, ir::typeBytes(f_.type(v)) == 8);
+    p_.vregs.back().flat = p_.flat[v];
     p_.vregs.back().weight = weight_;
   }
 
@@ -146,6 +221,7 @@ class Planner {
     for (Value v = 1; v < f_.insts.size(); v++)
       if (f_.insts[v].op == Op::Var && p_.a.needed[v] && !p_.a.setFirst[v]) {
         p_.vregOf[v] = newVreg(0, ir::typeBytes(f_.type(v)) == 8);
+        p_.vregs.back().flat = p_.flat[v];
         home_[v] = 0;
         p_.zeroed.push_back(v);
       }
@@ -218,7 +294,7 @@ class Planner {
       case Op::EndLoop: {
         const uint32_t r = p_.regionOf[v];
         if (i.op == Op::EndLoop) {
-          useReg(p_.regions[r].mask, v);
+          if (p_.regions[r].own) useReg(p_.regions[r].mask, v);
           loops_.pop_back();
           weight_ /= kLoopWeight;
         }
@@ -228,6 +304,7 @@ class Planner {
         return;
       }
       case Op::Break:
+        if (p_.flat[v]) return;
         for (uint32_t r = current_, left = uint32_t(i.imm) + 1; r; r = p_.regions[r].parent) {
           useReg(p_.regions[r].mask, v);
           const Op op = p_.regions[r].op;
@@ -245,12 +322,10 @@ class Planner {
   void enter(Value v) {
     const uint32_t id = p_.regionOf[v];
     Region& r = p_.regions[id];
+    if (r.own) useMask(v);
     if (r.op == Op::Loop) {
-      useMask(v);
       loops_.push_back(id);
       weight_ = std::min(weight_ * kLoopWeight, 1e12f);
-    } else if (r.own) {
-      useMask(v);
     }
     r.mask = r.own ? newVreg(v) : p_.regions[current_].mask;
     if (r.own) useReg(r.mask, v);
@@ -265,6 +340,7 @@ class Planner {
   const Function& f_;
   Plan& p_;
   std::vector<uint32_t> then_;    // by region: of an else the if's
+  std::vector<Place> breaks_, sets_;
   std::vector<uint32_t> home_;    // by var: region beyond which nobody looks
   std::vector<uint8_t> lost_;     // by region: lanes have left it since its start
   std::vector<uint32_t> loops_;
@@ -275,11 +351,9 @@ class Planner {
 //! The most values (of one register each, at one register per 8 lanes) alive at a position of the innermost loops.
 uint32_t pressure(const Plan& p) {
   std::vector<int32_t> change(p.f->insts.size() + 2, 0);
-  float heaviest = 0;
-  for (const Vreg& r : p.vregs) heaviest = std::max(heaviest, r.weight);
   for (const Vreg& r : p.vregs) {
     // What is hardly used may live in the frame.
-    if (r.weight * 16 < float(r.end - r.start)) continue;
+    if (r.flat || r.weight * 16 < float(r.end - r.start)) continue;
     change[r.start] += r.wide ? 2 : 1;
     change[r.end + 1] -= r.wide ? 2 : 1;
   }
@@ -297,7 +371,7 @@ Plan makePlan(const Function& f, uint32_t lanes) {
   else if (lanes) p.unroll = lanes / kVectorLanes;
   else {
     const uint32_t live = pressure(p);
-    p.unroll = live <= 5 ? 4 : live <= 24 ? 2 : 1;
+    p.unroll = live <= 4 ? 4 : 2;   // measured: two interleaved chains are worth some values in the frame
   }
   return p;
 }

@@ -23,6 +23,7 @@ struct Vreg {
   uint32_t start = 0, end = 0;   //!< positions (values' ids) of the first definition and the last use
   float weight = 0;              //!< uses, those in loops counting more
   bool wide = false;             //!< 64-bit elements
+  bool flat = false;             //!< all lanes hold the same: one part serves for all
   int8_t reg[kMaxParts];         //!< -1: in the frame
   uint32_t slot[kMaxParts];      //!< index of its vector in the frame
 };
@@ -36,9 +37,8 @@ struct Region {
   uint32_t parent = kNone;
   uint32_t mask = kNone;         //!< Vreg of the active lanes; may be the parent's
   uint32_t condition = kNone;    //!< Vreg that the else looks at
-  bool own = true;               //!< mask is the region's own
-  bool uniform = false;          //!< an if (or else) whose condition does not depend on the lane
-  bool left = false;             //!< a break leaves it
+  bool own = false;              //!< mask is the region's own: some lanes may leave before others, or not enter
+  bool uniform = false;          //!< an if (or else) whose condition is the same in all lanes
   bool parentLeft = false;       //!< a break within leaves the parent too, which may be empty behind this
 };
 
@@ -51,13 +51,16 @@ struct Plan {
   std::vector<Region> regions;   //!< [0] is the function
   std::vector<uint32_t> regionOf;//!< by instruction: the region that a marker opens, for end markers the one that ends
   std::vector<uint8_t> masked;   //!< by VarSet: inactive lanes must keep their value
+  //! By value (or var): it is the same in all lanes, active or not, though it changes during a run: counters of loops that
+  //! all lanes run alike, and what is computed from them. By break: all lanes of the construct leave together.
+  std::vector<uint8_t> flat;
   std::vector<ir::Value> zeroed; //!< vars that must be zero at the start
   bool mayWait = false;          //!< chunks must give way in loops
   bool suspends = false;         //!< mayWait, or a barrier
   uint32_t frameSlots = 0;       //!< vectors of the frame
 
   bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
-  uint32_t parts(const Vreg& r) const { return r.wide ? unroll * 2 : unroll; }
+  uint32_t parts(const Vreg& r) const { return r.flat ? 1 : r.wide ? unroll * 2 : unroll; }
 };
 
 //! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here.

@@ -1,0 +1,1 @@
+target_link_libraries(bench_jit PRIVATE pumice_jit pumice_interpreter pumice_ir)

@@ -1,0 +1,88 @@
+// What the JIT promises besides bits: listings, counters, refusals, code that is never writable and executable at once.
+#include <fstream>
+#include <thread>
+
+#include "spirv_interp/ir/builder.h"
+#include "spirv_interp/jit/jit.h"
+#include "tests/interpreter/fixture.h"
+
+namespace pumice::interp {
+namespace {
+
+constexpr const char* kScale = "%1 = input f32 0\n%2 = uniform f32 0\n%3 = fmul f32 %1, %2\noutput 0 %3";
+
+TEST(JitEngine, listsWhatItEmits) {
+  if (!jit::available()) GTEST_SKIP();
+  std::string listing;
+  ASSERT_TRUE(jit::compile(parsed(kScale), {}, {.chunkLanes = 16, .listing = &listing}));
+  EXPECT_NE(listing.find("vmulps"), std::string::npos) << listing;
+}
+
+TEST(JitEngine, countsRoutinesAndWhatTheInterpretersKernelsDo) {
+  if (!jit::available()) GTEST_SKIP();
+  const jit::Statistics before = jit::statistics();
+  ASSERT_TRUE(jit::compile(parsed(kScale), {}));
+  EXPECT_EQ(jit::statistics().emitted, before.emitted + 1);
+  EXPECT_EQ(jit::statistics().callOuts, before.callOuts);
+  ASSERT_TRUE(jit::compile(parsed("%1 = input i64 0\n%2 = sdiv i64 %1, %1\noutput 0 %2"), {}));
+  EXPECT_EQ(jit::statistics().callOuts, before.callOuts + 1);
+}
+
+TEST(JitEngine, refusesWhatNobodyHasAKernelFor) {
+  if (!jit::available()) GTEST_SKIP();
+  Function f;
+  append(f, Op::Output, Type::None, {append(f, Op::HelperMask, Type::Mask, {})}, 0);   // abstract: should have been expanded
+  const jit::Statistics before = jit::statistics();
+  auto e = jit::compile(f, {});
+  ASSERT_FALSE(e);
+  EXPECT_NE(e.error().message.find("helper.mask"), std::string::npos) << e.error().message;
+  EXPECT_EQ(jit::statistics().refused, before.refused + 1);
+}
+
+TEST(JitEngine, codeIsNeverWritableAndExecutable) {
+  if (!jit::available()) GTEST_SKIP();
+  std::vector<std::unique_ptr<Executable>> keep;
+  for (int k = 0; k < 10; k++) keep.push_back(std::move(jit::compile(parsed(kScale), {}).value()));
+  std::ifstream maps("/proc/self/maps");
+  for (std::string line; std::getline(maps, line);) EXPECT_EQ(line.find(" rwx"), std::string::npos) << line;
+}
+
+TEST(JitEngine, codeGoesWithItsRoutine) {
+  if (!jit::available()) GTEST_SKIP();
+  const auto executable = [] {
+    unsigned count = 0;
+    std::ifstream maps("/proc/self/maps");
+    for (std::string line; std::getline(maps, line);) count += line.find(" r-xp") != std::string::npos && line.find('/') == std::string::npos;
+    return count;
+  };
+  const unsigned before = executable();
+  for (int k = 0; k < 50; k++) ASSERT_TRUE(jit::compile(parsed(kScale), {}));
+  EXPECT_LE(executable(), before);
+}
+
+//! One routine, one bank, many threads; rows of all lengths, each lane's result its own.
+TEST(JitEngine, runsOnManyThreadsAtOnce) {
+  if (!jit::available()) GTEST_SKIP();
+  auto e = jit::compile(parsed(kScale), {});
+  ASSERT_TRUE(e);
+  std::vector<std::thread> threads;
+  std::atomic<unsigned> wrong = 0;
+  for (unsigned t = 0; t < 4; t++)
+    threads.emplace_back([&, t] {
+      for (uint32_t lanes = 1; lanes <= kMaxLanes; lanes++) {
+        const float scale = float(t + 1);
+        RowRun run(1, 1);
+        run.lanes = lanes;
+        for (uint32_t lane = 0; lane < kMaxLanes; lane++) run.inputs[0].set(Type::F32, lane, std::bit_cast<uint32_t>(float(lane)));
+        run.tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&scale), sizeof scale};
+        run.execute(**e);
+        for (uint32_t lane = 0; lane < kMaxLanes; lane++)
+          wrong += run.outputs[0].get(Type::F32, lane) != (lane < lanes ? std::bit_cast<uint32_t>(float(lane) * scale) : 0);
+      }
+    });
+  for (std::thread& t : threads) t.join();
+  EXPECT_EQ(wrong, 0u);
+}
+
+}  // namespace
+}  // namespace pumice::interp
