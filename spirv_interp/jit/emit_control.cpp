@@ -121,18 +121,23 @@ void Emitter::control(Value v) {
       if (r.op == Op::If) a_.bind(labels_[id].start);
       a_.bind(labels_[id].end);
       if (i.op == Op::EndLoop) {
+        const asmjit::Label finished = a_.newLabel();
+        if (r.own) none(r.mask, finished);
+        a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, turns)));
+        a_.jnz(labels_[id].start);
         if (p_.mayWait) {
-          const asmjit::Label finished = a_.newLabel();
-          if (r.own) none(r.mask, finished);
-          a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, turns)));
-          a_.jnz(labels_[id].start);
           suspend(interp::Progress::Yielded, labels_[id].start);
-          a_.bind(finished);
-        } else if (r.own) {
-          any(r.mask, labels_[id].start);
         } else {
-          a_.jmp(labels_[id].start);
+          a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, turns)), kTurns);
+          a_.mov(x86::rax, x86::ptr(call_, offsetof(ChunkCall, stop)));
+          a_.test(x86::rax, x86::rax);
+          a_.jz(labels_[id].start);
+          a_.cmp(x86::byte_ptr(x86::rax), 0);
+          a_.jz(labels_[id].start);
+          a_.xor_(x86::eax, x86::eax);   // finished
+          a_.jmp(exit_);
         }
+        a_.bind(finished);
         a_.bind(labels_[id].out);
       }
       region_ = r.parent;

@@ -16,6 +16,8 @@ constexpr uint32_t kFrameResume = kFrameExec + 4;                               
 constexpr uint32_t kFrameSlots = kFrameExec + 64;
 constexpr uint32_t frameRow(uint32_t k) { return kFrameRows + k * kFrameRowBytes; }
 
+constexpr uint32_t kTurns = 256;
+
 //! Arguments of a call.
 struct ChunkCall {
   const void* const* inputs;
@@ -28,9 +30,10 @@ struct ChunkCall {
   std::byte* local;                        //!< of this chunk
   const interp::ExecContext* context;
   const std::byte* bank;
+  const std::atomic<bool>* stop;           //!< ExecContext's
   uint32_t lane0;                          //!< first lane of the chunk
   uint32_t active;                         //!< bit per lane of the chunk
-  uint32_t turns;                          //!< loop turns until a routine that may wait gives way
+  uint32_t turns;                          //!< loop turns until a routine that may wait gives way, or looks at stop
 };
 
 //! Generated code. Gives interp::Progress; the preamble nothing.

@@ -21,7 +21,6 @@ using interp::ExecContext, interp::Executable, interp::Progress, interp::Result,
 
 constexpr size_t kAlign = 64;
 constexpr size_t kMaxStackBytes = 96 * 1024;
-constexpr uint32_t kTurns = 256;   //!< of a loop, before a chunk of a routine that may wait gives way
 constexpr uint32_t kMaxChunks = interp::kMaxLanes / kVectorLanes;
 
 std::byte* aligned(void* p) { return reinterpret_cast<std::byte*>((reinterpret_cast<uintptr_t>(p) + kAlign - 1) & ~uintptr_t(kAlign - 1)); }
@@ -144,6 +143,7 @@ class Native final : public Executable {
     call.shared = context.shared;
     call.sharedBytes = context.shared ? context.sharedBytes : 0;
     call.context = &context;
+    call.stop = context.stop;
     call.bank = aligned(bank.slots.get());
   }
 
@@ -180,6 +180,7 @@ class Native final : public Executable {
       if (row.progress[k] == which)
         row.progress[k] = runChunk(call, *row.context, k * e_.chunkLanes, row.memory + k * frameBytes_, records, row.fresh);
     row.fresh = false;
+    if (row.context->stop && row.context->stop->load(std::memory_order_relaxed)) return Progress::Finished;
     Progress result = Progress::Finished;
     for (uint32_t k = 0; k < row.count; k++) {
       if (row.progress[k] == Progress::Yielded) return Progress::Yielded;

@@ -1,4 +1,6 @@
 // What the JIT promises besides bits: listings, counters, refusals, code that is never writable and executable at once.
+#include <atomic>
+#include <chrono>
 #include <fstream>
 #include <thread>
 
@@ -58,6 +60,39 @@ TEST(JitEngine, codeGoesWithItsRoutine) {
   const unsigned before = executable();
   for (int k = 0; k < 50; k++) ASSERT_TRUE(jit::compile(parsed(kScale), {}));
   EXPECT_LE(executable(), before);
+}
+
+//! The watchdog's flag ends loops that never would, those without and those with masks, and rows that wait.
+TEST(JitEngine, leavesEndlessLoopsWhenTold) {
+  if (!jit::available()) GTEST_SKIP();
+  for (const char* text : {"%1 = var i32\nloop\n%2 = const i32 1\nvar.set %1, %2\nendloop",
+                           "%1 = input i32 0\n%2 = const i32 9\n%3 = ult mask %1, %2\nif %3\nloop\nif %3\nelse\nbreak 0\nendif\nendloop\nendif",
+                           "loop\n%1 = const i32 0\n%2 = const i32 1\n%3 = shared.atomic i32 add %1, %2\nbarrier\nendloop"}) {
+    auto e = jit::compile(parsed(text), {});
+    ASSERT_TRUE(e) << e.error().message;
+    std::atomic<bool> stop = false;
+    std::thread later([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(30));
+      stop = true;
+    });
+    Row row;
+    const void* in[1] = {row.bytes};
+    Table tables[ir::kTableCount] = {};
+    std::byte shared[64] = {};
+    ExecContext c;
+    c.lanes = 100;
+    c.active[0] = c.active[1] = ~uint64_t(0);
+    c.inputs = in;
+    c.tables = tables;
+    c.shared = shared;
+    c.sharedBytes = sizeof shared;
+    c.stop = &stop;
+    base::ScopedFpEnv environment;
+    const UniformBank bank = (*e)->preamble(tables);
+    (*e)->run(bank, c);
+    later.join();
+    EXPECT_TRUE(stop);
+  }
 }
 
 //! One routine, one bank, many threads; rows of all lengths, each lane's result its own.

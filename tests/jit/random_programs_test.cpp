@@ -27,11 +27,11 @@ void agrees(uint64_t seed, bool optimise, ir::Numerics numerics = ir::Numerics::
   ir::Function f = p.function;
   if (optimise) ir::optimise(f);
   World world(p, seed, shapeOf(seed));
-  auto interpreted = interp::compileInterpreter(f, {numerics});
+  auto interpreted = interp::compileInterpreter(f, {.numerics = numerics, .checked = {}});
   ASSERT_TRUE(interpreted) << interpreted.error().message;
   const Results want = world.run(**interpreted);
   for (uint32_t lanes : {8u, 16u, 32u, 0u}) {
-    auto native = jit::compile(f, {numerics}, {.chunkLanes = lanes});
+    auto native = jit::compile(f, {.numerics = numerics, .checked = {}}, {.chunkLanes = lanes});
     ASSERT_TRUE(native) << native.error().message << "\nseed " << seed << "\n" << ir::print(f);
     ASSERT_EQ(world.difference(want, world.run(**native)), "")
         << "chunks of " << lanes << ", seed " << seed << (optimise ? ", optimised" : "") << ", rows of " << shapeOf(seed).rowLanes << "\n" << ir::print(f);
