@@ -1,4 +1,6 @@
 // Loads, stores, copies and atomics through pointers.
+#include <algorithm>
+
 #include "spirv_interp/frontend/translator.h"
 
 namespace pumice::frontend {
@@ -252,6 +254,7 @@ void onPtrAccessChain(Translator& t, const Instruction& inst, uint32_t) {
     p.offset = 0;
   }
   t.addScaled(p, inst.operand(1), stride);
+  p.arrayStride = stride;
   t.definePointer(inst, t.accessChain(p, inst.operands.subspan(2)));
 }
 
@@ -274,9 +277,13 @@ void onPointerDifference(Translator& t, const Instruction& inst, uint32_t) {
     fail("OpPtrDiff of different kinds of pointers");
   uint64_t stride = t.type(pointerType.element).naturalSize;
   if (pointerType.storage != spv::StorageClass::Workgroup) {
-    const Decoration* d = t.module.find(t.typeOf(inst.operand(0)), spv::Decoration::ArrayStride);
-    if (!d) fail("OpPtrDiff: the pointer type has no ArrayStride");
-    stride = d->literal();
+    // The pointer type need not say it: what the pointers were made from does.
+    if (const Decoration* d = t.module.find(t.typeOf(inst.operand(0)), spv::Decoration::ArrayStride))
+      stride = d->literal();
+    else if (uint64_t known = std::max(t.pointer(inst.operand(0)).arrayStride, t.pointer(inst.operand(1)).arrayStride))
+      stride = known;
+    else if (t.type(pointerType.element).scalars != 1)
+      fail("OpPtrDiff: how far the elements lie apart is not known");
   }
   if (stride == 0 || stride > INT32_MAX) fail("OpPtrDiff: an impossible stride");
   Value bytes = t.b.isub(x.back(), y.back());

@@ -127,8 +127,10 @@ Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
       p.type = t.element;
       TypeInfo::Kind kind = type(p.type).kind;
       p.resourceArray = kind == TypeInfo::Array || kind == TypeInfo::RuntimeArray;
+      if (!p.resourceArray && !p.variable) chooseDescriptor(p);
       continue;
     }
+    p.arrayStride = 0;
     auto constant = constantOf(indexId);
     if (p.home == Home::Registers || p.home == Home::Values) {
       if (!constant) fail("a variable in registers is indexed dynamically");
@@ -169,6 +171,7 @@ Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
           stride = d->literal();
         }
         addScaled(p, indexId, stride, true);
+        p.arrayStride = stride;
         p.type = t.element;
         break;
       }
@@ -202,19 +205,42 @@ Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
 // Pointers as values, so that they can be selected, kept in variables and returned. A buffer device address is one i64.
 // With variable pointers (SPV_KHR_variable_pointers) a pointer to work-group memory is the i32 offset, a pointer to a
 // storage buffer the descriptor's base and size and an i32 offset: its buffer may then differ from lane to lane, and
-// accesses stay bounded. They are made where the pointer is made, since that dominates all uses.
+// accesses stay bounded. They are made where the pointer is made, since that dominates all uses. A pointer to an array of
+// descriptors is the number of the resource and of the element.
 std::vector<Value> Translator::pointerScalars(const Pointer& p) {
   if (p.texelImage) return {};
   if (p.home == Home::Physical) return {p.offset ? b.iadd(p.base, b.i64(p.offset)) : p.base};
   bool shared = p.home == Home::Shared;
-  bool buffer = p.home == Home::Buffer && !p.resourceArray &&
-                (!p.variable || p.variable->storage == spv::StorageClass::StorageBuffer);
+  bool buffer = p.home == Home::Buffer && (!p.variable || p.variable->storage == spv::StorageClass::StorageBuffer);
   if (!variablePointers || (!shared && !buffer)) return {};
+  if (p.resourceArray) {
+    Value element = p.element ? b.convert(Op::ZExt, Type::I64, p.element) : b.i64(0);
+    return {p.variable ? b.i64(resourceOf(*p.variable)) : p.base, element, b.i32(0)};
+  }
   Value offset = b.i32(uint32_t(p.offset));
   if (p.dynamic) offset = p.offset ? b.iadd(p.dynamic, offset) : p.dynamic;
   if (shared) return {offset};
   BufferAddress at = address(p);
   return {at.base, at.size, offset};
+}
+
+void Translator::chooseDescriptor(Pointer& p) {
+  Value resourceNumber = p.base, element = p.element, zero = b.i32(0);
+  p.base = p.size = p.element = 0;
+  for (Variable& variable : variables) {
+    if (variable.storage != spv::StorageClass::StorageBuffer || !pointerTo(variable).resourceArray) continue;
+    uint32_t typeId = variable.type;
+    while (type(typeId).kind == TypeInfo::Array || type(typeId).kind == TypeInfo::RuntimeArray) typeId = type(typeId).element;
+    if (typeId != p.type) continue;
+    Pointer candidate = p;
+    candidate.variable = &variable;
+    Value chosen = b.ieq(resourceNumber, b.i64(resourceOf(variable)));
+    candidate.element = b.select(chosen, element, zero);
+    BufferAddress at = address(candidate);
+    p.base = p.base ? b.select(chosen, at.base, p.base) : at.base;
+    p.size = p.size ? b.select(chosen, at.size, p.size) : at.size;
+  }
+  if (!p.base) fail("a pointer to an array of descriptors leads nowhere");
 }
 
 const Pointer& Translator::pointer(uint32_t id) {
@@ -227,6 +253,7 @@ const Pointer& Translator::pointer(uint32_t id) {
   Pointer p;
   p.type = t.element;
   if (v.pointer) p.layout = v.pointer->layout;
+  if (v.pointer) p.arrayStride = v.pointer->arrayStride;
   if (t.storage == spv::StorageClass::Workgroup) {
     p.home = Home::Shared;
     p.dynamic = v.scalars[0];
@@ -235,6 +262,13 @@ const Pointer& Translator::pointer(uint32_t id) {
     p.base = v.scalars[0];
     p.size = v.scalars[1];
     p.dynamic = v.scalars[2];
+    uint32_t inner = t.element;
+    while (type(inner).kind == TypeInfo::Array || type(inner).kind == TypeInfo::RuntimeArray) inner = type(inner).element;
+    if (inner != t.element && module.find(inner, spv::Decoration::Block)) {
+      p.resourceArray = true;
+      p.element = b.convert(Op::Trunc, Type::I32, p.size);
+      p.size = p.dynamic = 0;
+    }
   } else {
     p.home = Home::Physical;
     p.base = v.scalars[0];

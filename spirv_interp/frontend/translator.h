@@ -115,9 +115,11 @@ struct Pointer {
   Value base = 0;                    //!< Physical and variable pointers to buffers: i64 address
   Value size = 0;                    //!< variable pointers to buffers: i64, bytes behind `base`
   MatrixLayout layout;
+  uint64_t arrayStride = 0;          //!< bytes from this element to the next of the array that it lies in; 0 = in none
   bool isVolatile = false;
   bool nonUniform = false;
-  bool resourceArray = false;        //!< `type` is still the array of descriptors
+  //! `type` is still the array of descriptors. In a variable pointer to one `base` is the resource's number.
+  bool resourceArray = false;
   // OpImageTexelPointer
   uint32_t texelImage = 0;           //!< id of the pointer to the image
   uint32_t texelCoordinate = 0;      //!< id
@@ -238,6 +240,7 @@ class Translator {
   void store(const Pointer& p, const std::vector<Value>& scalars);
   struct BufferAddress { Value base = 0, offset = 0, size = 0; };
   BufferAddress address(const Pointer& p);
+  void chooseDescriptor(Pointer& p);  //!< of a variable pointer into arrays of descriptors: the one it leads to
   bool isDynamic(uint32_t pointerId) const { return dynamicPointers_.count(pointerId) != 0; }
 
   // --- subgroups (subgroup.cpp)

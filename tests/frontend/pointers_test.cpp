@@ -137,6 +137,89 @@ TEST(VariablePointers, SelectedPerLane) {
   }
 }
 
+// A pointer to one of two arrays of descriptors, which then is indexed; the distance of elements whose pointer type does
+// not say how far they lie apart.
+TEST(VariablePointers, ToArraysOfDescriptors) {
+  Buffers b(5);
+  for (uint32_t i = 0; i < 4; i++) b[i] = {100 * i, 100 * i + 1, 100 * i + 2, 100 * i + 3, 100 * i + 4, 100 * i + 5};
+  b[4].resize(2 * 32);
+  runAssembly(R"(OpCapability Shader
+OpCapability VariablePointers
+OpMemoryModel Logical GLSL450
+OpEntryPoint GLCompute %main "main" %id %x %y %r
+OpExecutionMode %main LocalSize 32 1 1
+OpDecorate %id BuiltIn GlobalInvocationId
+OpDecorate %pair ArrayStride 4
+OpDecorate %pairs ArrayStride 8
+OpDecorate %list ArrayStride 4
+OpDecorate %block Block
+OpMemberDecorate %block 0 Offset 0
+OpDecorate %out Block
+OpMemberDecorate %out 0 Offset 0
+OpDecorate %x DescriptorSet 0
+OpDecorate %x Binding 0
+OpDecorate %y DescriptorSet 0
+OpDecorate %y Binding 2
+OpDecorate %r DescriptorSet 0
+OpDecorate %r Binding 4
+%void = OpTypeVoid
+%f = OpTypeFunction %void
+%bool = OpTypeBool
+%uint = OpTypeInt 32 0
+%int = OpTypeInt 32 1
+%n0 = OpConstant %uint 0
+%n1 = OpConstant %uint 1
+%n2 = OpConstant %uint 2
+%n3 = OpConstant %uint 3
+%pair = OpTypeArray %uint %n2
+%pairs = OpTypeArray %pair %n3
+%block = OpTypeStruct %pairs
+%blocks = OpTypeArray %block %n2
+%list = OpTypeRuntimeArray %int
+%out = OpTypeStruct %list
+%v3 = OpTypeVector %uint 3
+%pin = OpTypePointer Input %v3
+%pblocks = OpTypePointer StorageBuffer %blocks
+%ppair = OpTypePointer StorageBuffer %pair
+%puint = OpTypePointer StorageBuffer %uint
+%pint = OpTypePointer StorageBuffer %int
+%pout = OpTypePointer StorageBuffer %out
+%id = OpVariable %pin Input
+%x = OpVariable %pblocks StorageBuffer
+%y = OpVariable %pblocks StorageBuffer
+%r = OpVariable %pout StorageBuffer
+%main = OpFunction %void None %f
+%l = OpLabel
+%ids = OpLoad %v3 %id
+%i = OpCompositeExtract %uint %ids 0
+%bit = OpBitwiseAnd %uint %i %n1
+%odd = OpINotEqual %bool %bit %n0
+%half = OpShiftRightLogical %uint %i %n1
+%which = OpBitwiseAnd %uint %half %n1
+%p = OpSelect %pblocks %odd %x %y
+%e = OpAccessChain %puint %p %which %n0 %n2 %n1
+%v = OpLoad %uint %e
+%vi = OpBitcast %int %v
+%i2 = OpIMul %uint %i %n2
+%r0 = OpAccessChain %pint %r %n0 %i2
+OpStore %r0 %vi
+%last = OpAccessChain %ppair %x %n1 %n0 %n2
+%first = OpAccessChain %ppair %x %n1 %n0 %which
+%d = OpPtrDiff %int %last %first
+%i3 = OpIAdd %uint %i2 %n1
+%r1 = OpAccessChain %pint %r %n0 %i3
+OpStore %r1 %d
+OpReturn
+OpFunctionEnd
+)", 1, b, "1.6");
+  if (HasFailure()) return;
+  for (uint32_t i = 0; i < 32; i++) {
+    uint32_t which = i >> 1 & 1;
+    EXPECT_EQ(b[4][2 * i], 100 * ((i & 1 ? 0 : 2) + which) + 5) << i;
+    EXPECT_EQ(b[4][2 * i + 1], 2 - which) << i;
+  }
+}
+
 TEST(VariablePointers, AroundALoopAndOutOfAFunction) {
   Buffers b = someBuffers();
   runPointers(R"(
