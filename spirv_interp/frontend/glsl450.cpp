@@ -422,15 +422,27 @@ size_t squareSize(const Ext& e) {
   return type.count;
 }
 
+//! Halfs as f32: sums of products that cancel would lose more than the results' type has.
+Values widened(const Ext& e, const Values& m) {
+  Values out;
+  for (Value x : m) out.push_back(e.b.type(x) == Type::F16 ? e.b.convert(Op::FToF, Type::F32, x) : x);
+  return out;
+}
+Value narrowedTo(const Ext& e, Type type, Value x) {
+  return e.b.type(x) == type ? x : e.b.convert(Op::FToF, type, x);
+}
+
 void onDeterminant(const Ext& e) {
   size_t n = squareSize(e);
-  e.define({determinant(e, e.data(0), n, upTo(n), upTo(n))});
+  Value det = determinant(e, widened(e, e.data(0)), n, upTo(n), upTo(n));
+  e.define({narrowedTo(e, e.b.type(e.data(0)[0]), det)});
 }
 
 // The transposed matrix of cofactors over the determinant.
 void onMatrixInverse(const Ext& e) {
   size_t n = squareSize(e);
-  const Values& m = e.data(0);
+  Values m = widened(e, e.data(0));
+  Type type = e.b.type(e.data(0)[0]);
   Value det = determinant(e, m, n, upTo(n), upTo(n));
   Value scale = e.b.fdiv(e.number(det, 1), det);
   Values out;
@@ -441,7 +453,7 @@ void onMatrixInverse(const Ext& e) {
       rows.erase(rows.begin() + ptrdiff_t(c));
       Value cofactor = determinant(e, m, n, columns, rows);
       if ((c + r) % 2) cofactor = e.b.fneg(cofactor);
-      out.push_back(e.b.fmul(cofactor, scale));
+      out.push_back(narrowedTo(e, type, e.b.fmul(cofactor, scale)));
     }
   }
   e.define(std::move(out));

@@ -440,6 +440,29 @@ $8 %dw
   }
 }
 
+// Sums of products that cancel must not be rounded to halfs on their way.
+TEST(Numeric, DeterminantsAndInversesOfHalfs) {
+  auto x = floats(25, -1, 1), y = floats(26, -1, 1), z = floats(27, -1, 1);
+  auto r = glsl(R"(
+f16mat4 h = f16mat4(mat4(F(x), F(y), 0.3, F(z), F(z), 0.7, F(x) - F(y), 0.1, F(y), 0.2, F(x), -0.9, 0.4, F(z), -0.6, F(x) * F(y)));
+mat4 w = mat4(h);
+r(0) = U(float(determinant(h)));
+r(1) = U(determinant(w));
+float far = 0;
+for (int c = 0; c < 4; c++) for (int k = 0; k < 4; k++) {
+  float want = inverse(w)[c][k];
+  if (abs(want) < 1000.0) far = max(far, abs(float(inverse(h)[c][k]) - want) / max(abs(want), 0.001));
+}
+r(2) = U(far);
+)",
+                {x, y, z});
+  for (uint32_t i = 0; i < kLanes; i++) {
+    const uint32_t* w = &r[i * 16];
+    EXPECT_NEAR(f(w[0]), f(w[1]), 0x1p-11 * std::max(std::abs(f(w[1])), 0x1p-14f)) << i;
+    EXPECT_LE(f(w[2]), 0x1p-11f) << i;
+  }
+}
+
 TEST(Numeric, DeterminantsAndInverses) {
   auto x = floats(22, -1, 1), y = floats(23, -1, 1), z = floats(24, -1, 1);
   for (int n = 2; n <= 4; n++) {
