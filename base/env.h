@@ -18,7 +18,7 @@ namespace pumice::base {
     "instruction set of the interpreter's kernels")                                               \
   X(Numerics, "PUMICE_NUMERICS", "f32, reference", "f32",                                         \
     "reference: shaders and blending compute in double precision")                                \
-  X(Engine, "PUMICE_ENGINE", "auto, interp, jit", "interp",                                       \
+  X(Engine, "PUMICE_ENGINE", "auto, interp, jit", "auto",                                         \
     "what runs routines: the interpreter, or machine code made for them (where that is possible)") \
   X(PerfMap, "PUMICE_PERF_MAP", "1 or 0", "0", "write /tmp/perf-PID.map, so that perf names the routines in its reports") \
   X(Dump, "PUMICE_DUMP", "ir, asm or both", "nothing", "print routines as they are compiled")      \

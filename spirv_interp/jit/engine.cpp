@@ -11,13 +11,10 @@ namespace pumice::jit {
 namespace {
 
 bool wantsNative() {
-  const auto wanted = base::envString(base::EnvVar::Engine);
-  if (!wanted || *wanted == "interp") return false;
-  if (*wanted != "auto" && *wanted != "jit") {
-    base::logError("PUMICE_ENGINE=%s is none of auto, interp, jit", wanted->c_str());
-    return false;
-  }
-  if (*wanted == "jit" && !available()) base::logError("PUMICE_ENGINE=jit: this processor has no AVX2, FMA and F16C, or PUMICE_ISA forbids them");
+  const std::string wanted = base::envString(base::EnvVar::Engine).value_or("auto");
+  if (wanted == "interp") return false;
+  if (wanted != "auto" && wanted != "jit") base::logError("PUMICE_ENGINE=%s is none of auto, interp, jit", wanted.c_str());
+  if (wanted == "jit" && !available()) base::logError("PUMICE_ENGINE=jit: this processor has no AVX2, FMA and F16C, or PUMICE_ISA forbids them");
   return available();
 }
 
