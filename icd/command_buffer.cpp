@@ -52,8 +52,14 @@ const pipeline::DrawState* CommandBuffer::captureDraw() {
   if (!draw.pipeline) return nullptr;
   const pipeline::GraphicsState& s = pipeline::graphicsState(*draw.pipeline);
   auto is = [&](VkDynamicState state) { return s.dynamic >> state & 1; };
-  draw.viewport = is(VK_DYNAMIC_STATE_VIEWPORT) ? dynamic.viewport : s.viewport;
-  draw.scissor = is(VK_DYNAMIC_STATE_SCISSOR) ? dynamic.scissor : s.scissor;
+  draw.viewport = is(VK_DYNAMIC_STATE_VIEWPORT) ? dynamic.viewports[0] : s.viewport;
+  draw.scissor = is(VK_DYNAMIC_STATE_SCISSOR) ? dynamic.scissors[0] : s.scissor;
+  if (s.viewportCount > 1) {
+    const VkViewport* viewports = is(VK_DYNAMIC_STATE_VIEWPORT) ? dynamic.viewports + 1 : s.furtherViewports.data();
+    const VkRect2D* scissors = is(VK_DYNAMIC_STATE_SCISSOR) ? dynamic.scissors + 1 : s.furtherScissors.data();
+    std::copy_n(viewports, s.viewportCount - 1, draw.furtherViewports);
+    std::copy_n(scissors, s.viewportCount - 1, draw.furtherScissors);
+  }
   draw.lineWidth = is(VK_DYNAMIC_STATE_LINE_WIDTH) ? dynamic.lineWidth : s.lineWidth;
   bool bias = is(VK_DYNAMIC_STATE_DEPTH_BIAS);
   draw.depthBiasConstant = bias ? dynamic.depthBias[0] : s.depthBiasConstant;
@@ -172,13 +178,13 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindPipeline(VkCommandBuffer buffer, VkPipelineB
   }
 }
 
-VKAPI_ATTR void VKAPI_CALL vkCmdSetViewport(VkCommandBuffer buffer, uint32_t first, uint32_t, const VkViewport* viewports) {
-  if (first == 0) from(buffer)->dynamic.viewport = viewports[0];
+VKAPI_ATTR void VKAPI_CALL vkCmdSetViewport(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkViewport* viewports) {
+  for (uint32_t i = 0; i < count && first + i < raster::kMaxViewports; i++) from(buffer)->dynamic.viewports[first + i] = viewports[i];
   from(buffer)->captured = nullptr;
 }
 
-VKAPI_ATTR void VKAPI_CALL vkCmdSetScissor(VkCommandBuffer buffer, uint32_t first, uint32_t, const VkRect2D* scissors) {
-  if (first == 0) from(buffer)->dynamic.scissor = scissors[0];
+VKAPI_ATTR void VKAPI_CALL vkCmdSetScissor(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkRect2D* scissors) {
+  for (uint32_t i = 0; i < count && first + i < raster::kMaxViewports; i++) from(buffer)->dynamic.scissors[first + i] = scissors[i];
   from(buffer)->captured = nullptr;
 }
 

@@ -111,8 +111,8 @@ struct CommandBuffer : Dispatchable {
   pipeline::DrawState draw;
   pipeline::DispatchState dispatch;
   struct Dynamic {
-    VkViewport viewport{};
-    VkRect2D scissor{};
+    VkViewport viewports[raster::kMaxViewports] = {};
+    VkRect2D scissors[raster::kMaxViewports] = {};
     float lineWidth = 1, depthBias[3] = {}, blendConstants[4] = {}, depthBounds[2] = {0, 1};
     uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};
   } dynamic;

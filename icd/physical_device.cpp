@@ -43,7 +43,7 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxVertexOutputComponents = raster::kMaxVaryings;
   l.maxFragmentInputComponents = raster::kMaxVaryings;
   l.maxFragmentOutputAttachments = pipeline::kMaxColorAttachments;
-  l.maxFragmentDualSrcAttachments = 0;
+  l.maxFragmentDualSrcAttachments = 1;
   l.maxFragmentCombinedOutputResources = kMany;
   l.maxComputeSharedMemorySize = 64 << 10;
   for (uint32_t& n : l.maxComputeWorkGroupCount) n = 65535;
@@ -68,9 +68,9 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxTexelOffset = 7;
   l.minTexelGatherOffset = -32;
   l.maxTexelGatherOffset = 31;
-  l.minInterpolationOffset = 0;
-  l.maxInterpolationOffset = 0;
-  l.subPixelInterpolationOffsetBits = 0;
+  l.minInterpolationOffset = -0.5f;
+  l.maxInterpolationOffset = 0.5f - 1.0f / 16;   // one unit of the bits below less than a half
+  l.subPixelInterpolationOffsetBits = 4;
   l.maxFramebufferWidth = l.maxFramebufferHeight = 16384;
   l.maxFramebufferLayers = 2048;
   l.framebufferColorSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_R8G8B8A8_UNORM));
@@ -86,11 +86,15 @@ VkPhysicalDeviceLimits deviceLimits(uint64_t heapBytes) {
   l.maxSampleMaskWords = 1;
   l.timestampComputeAndGraphics = VK_TRUE;
   l.timestampPeriod = 1;
-  l.maxClipDistances = l.maxCullDistances = l.maxCombinedClipAndCullDistances = 0;
+  l.maxClipDistances = l.maxCullDistances = l.maxCombinedClipAndCullDistances = raster::kMaxClipDistances;
   l.discreteQueuePriorities = 2;
-  l.pointSizeRange[0] = l.pointSizeRange[1] = 1;
-  l.lineWidthRange[0] = l.lineWidthRange[1] = 1;
-  l.strictLines = VK_FALSE;
+  l.pointSizeRange[0] = raster::kMinPointSize;
+  l.pointSizeRange[1] = raster::kMaxPointSize;
+  l.pointSizeGranularity = 1.0f / raster::kSubpixelOne;
+  l.lineWidthRange[0] = raster::kMinLineWidth;
+  l.lineWidthRange[1] = raster::kMaxLineWidth;
+  l.lineWidthGranularity = 1.0f / raster::kSubpixelOne;
+  l.strictLines = VK_TRUE;
   l.standardSampleLocations = VK_TRUE;
   l.optimalBufferCopyOffsetAlignment = l.optimalBufferCopyRowPitchAlignment = 64;
   l.nonCoherentAtomSize = 64;

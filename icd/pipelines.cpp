@@ -79,6 +79,11 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
   if (auto* r = info.pRasterizationState) {
     s.rasterizerDiscard = r->rasterizerDiscardEnable;
     s.depthClamp = r->depthClampEnable;
+    s.depthClip = !s.depthClamp;
+    if (auto* clip = findInChain<VkPipelineRasterizationDepthClipStateCreateInfoEXT>(r->pNext, VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_DEPTH_CLIP_STATE_CREATE_INFO_EXT))
+      s.depthClip = clip->depthClipEnable;
+    if (auto* provoking = findInChain<VkPipelineRasterizationProvokingVertexStateCreateInfoEXT>(r->pNext, VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_PROVOKING_VERTEX_STATE_CREATE_INFO_EXT))
+      s.provokingLast = provoking->provokingVertexMode == VK_PROVOKING_VERTEX_MODE_LAST_VERTEX_EXT;
     s.polygonMode = r->polygonMode;
     s.cullMode = r->cullMode;
     s.frontFace = r->frontFace;
@@ -87,11 +92,23 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.depthBiasClamp = r->depthBiasClamp;
     s.depthBiasSlope = r->depthBiasSlopeFactor;
     s.lineWidth = r->lineWidth;
+    if (auto* line = findInChain<VkPipelineRasterizationLineStateCreateInfoEXT>(r->pNext, VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_LINE_STATE_CREATE_INFO_EXT))
+      if (line->lineRasterizationMode == VK_LINE_RASTERIZATION_MODE_BRESENHAM_EXT) s.lineMode = raster::LineMode::Bresenham;
   }
   if (s.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) return s;
   if (auto* v = info.pViewportState) {
-    if (v->pViewports && v->viewportCount) s.viewport = v->pViewports[0];
-    if (v->pScissors && v->scissorCount) s.scissor = v->pScissors[0];
+    // A count of 0 is one that comes with the dynamic state.
+    s.viewportCount = v->viewportCount ? v->viewportCount : raster::kMaxViewports;
+    if (v->pViewports && v->viewportCount) {
+      s.viewport = v->pViewports[0];
+      s.furtherViewports.assign(v->pViewports + 1, v->pViewports + v->viewportCount);
+    }
+    if (v->pScissors && v->scissorCount) {
+      s.scissor = v->pScissors[0];
+      s.furtherScissors.assign(v->pScissors + 1, v->pScissors + v->scissorCount);
+    }
+    s.furtherViewports.resize(s.viewportCount - 1);
+    s.furtherScissors.resize(s.viewportCount - 1);
   }
   if (auto* m = info.pMultisampleState) {
     s.samples = m->rasterizationSamples;

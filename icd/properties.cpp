@@ -85,6 +85,9 @@ void initVulkan12(VkPhysicalDeviceVulkan12Properties& p, const VkPhysicalDeviceL
   p.independentResolveNone = p.independentResolve = VK_TRUE;
   p.filterMinmaxSingleComponentFormats = p.filterMinmaxImageComponentMapping = VK_TRUE;
   p.maxTimelineSemaphoreValueDifference = ~0ull;
+  p.supportedDepthResolveModes = VK_RESOLVE_MODE_SAMPLE_ZERO_BIT | VK_RESOLVE_MODE_AVERAGE_BIT | VK_RESOLVE_MODE_MIN_BIT | VK_RESOLVE_MODE_MAX_BIT;
+  p.supportedStencilResolveModes = VK_RESOLVE_MODE_SAMPLE_ZERO_BIT | VK_RESOLVE_MODE_MIN_BIT | VK_RESOLVE_MODE_MAX_BIT;
+  p.independentResolveNone = p.independentResolve = VK_TRUE;
   p.framebufferIntegerColorSampleCounts = texture::sampleCounts(*texture::formatInfo(VK_FORMAT_R8G8B8A8_UINT));
 }
 
@@ -145,6 +148,13 @@ void fillProperties(const ExtendedProperties& all, void* chain) {
         break;
       case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VERTEX_ATTRIBUTE_DIVISOR_PROPERTIES_EXT:
         reinterpret_cast<VkPhysicalDeviceVertexAttributeDivisorPropertiesEXT*>(s)->maxVertexAttribDivisor = ~0u;
+        break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROVOKING_VERTEX_PROPERTIES_EXT:
+        reinterpret_cast<VkPhysicalDeviceProvokingVertexPropertiesEXT*>(s)->provokingVertexModePerPipeline = VK_TRUE;
+        reinterpret_cast<VkPhysicalDeviceProvokingVertexPropertiesEXT*>(s)->transformFeedbackPreservesTriangleFanProvokingVertex = VK_FALSE;
+        break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_LINE_RASTERIZATION_PROPERTIES_EXT:
+        reinterpret_cast<VkPhysicalDeviceLineRasterizationPropertiesEXT*>(s)->lineSubPixelPrecisionBits = 8;
         break;
       default: break;
     }

@@ -113,6 +113,7 @@ class ChunkSource {
 //! Everything the chunks of one draw share.
 struct FrontDraw {
   const VertexRoutine& vertex;
+  const StageLink& link;
   const interp::UniformBank& bank;
   const interp::Tables& tables;
   const raster::SetupState& setup;
@@ -214,7 +215,13 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
     return;
   }
   vertices.rowCount = vertex.rowCount;
-  vertices.pointSizeRow = vertex.pointSizeRow;
+  vertices.pointSizeRow = link.pointSizeRow;
+  vertices.viewportRow = link.viewportRow;
+  vertices.layerRow = link.layerRow;
+  vertices.clipDistanceRow = link.clipDistanceRow;
+  vertices.cullDistanceRow = link.cullDistanceRow;
+  vertices.clipDistances = link.clipDistances;
+  vertices.cullDistances = link.cullDistances;
   uint32_t begin = 0;
   for (size_t i = 0; i < chunk.segments.size(); ++i) {
     const std::span<const uint32_t> slots{w.slots.data() + begin, ends[i] - begin};
@@ -261,11 +268,14 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   if (!vertex) return;
   auto record = std::make_unique<DrawRecord>();
   if (!fixed.rasterizerDiscard) {
-    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr);
+    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics);
     if (!record->fragment || !fits(fixed)) return;
     if (!record->fragment->present && !pipeline.vertex->writesMemory) return;
-    record->bounds = intersect(intersect(state.scissor, pass.renderArea), {{0, 0}, {pass.width, pass.height}});
-    if (isEmpty(record->bounds) && !pipeline.vertex->writesMemory) return;
+    if (pipeline.link.viewportRow < 0 && isEmpty(intersect(state.scissor, pass.renderArea)) && !pipeline.vertex->writesMemory) return;
+    for (uint32_t v = 0; v < fixed.viewportCount; ++v) {
+      const VkViewport& viewport = v ? state.furtherViewports[v - 1] : state.viewport;
+      record->depthRanges[v] = {viewport.minDepth, viewport.maxDepth};
+    }
   }
   record->pipeline = state.pipeline;
   record->occlusion = occlusion;
@@ -282,6 +292,8 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   fillTables(record->push, state.setMemory, state.setSize, c, record->tables);
   if (record->fragment) record->bank = record->fragment->code->preamble(record->tables);
 
+  counters.varyingsInterpolated += pipeline.link.varyings.size();
+  counters.varyingsDropped += pipeline.link.unread;
   DrawRecord& kept = *record;
   draws.push_back(std::move(record));
   collected += sizeof(DrawRecord);
@@ -302,11 +314,21 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   raster::SetupState setup;
   setup.topology = fixed.topology;
   setup.viewport = state.viewport;
-  setup.bounds = record.bounds;
+  setup.bounds = intersect(state.scissor, pass.renderArea);
+  raster::View further[raster::kMaxViewports - 1];
+  if (record.pipeline->link.viewportRow >= 0 && fixed.viewportCount > 1) {
+    for (uint32_t v = 0; v + 1 < fixed.viewportCount; ++v)
+      further[v] = {state.furtherViewports[v], intersect(state.furtherScissors[v], pass.renderArea)};
+    setup.furtherViews = {further, fixed.viewportCount - 1};
+  }
+  setup.layers = pass.layers;
+  setup.polygonMode = fixed.polygonMode;
+  setup.provokingLast = fixed.provokingLast;
+  setup.lineMode = fixed.lineMode;
   setup.cullMode = fixed.cullMode;
   setup.frontFace = fixed.frontFace;
   setup.depthClampEnable = fixed.depthClamp;
-  setup.depthClipEnable = !fixed.depthClamp;
+  setup.depthClipEnable = fixed.depthClip;
   setup.depthBiasEnable = fixed.depthBias;
   setup.depthBiasConstant = state.depthBiasConstant;
   setup.depthBiasClamp = state.depthBiasClamp;
@@ -317,7 +339,8 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   if (record.fragment) setup.varyings = record.fragment->varyings;
 
   const interp::UniformBank bank = vertex.code->preamble(record.tables);
-  const FrontDraw shared{vertex, bank, record.tables, setup, indices, fixed.topology, params.first, params.firstInstance, &pool.cancelled()};
+  const FrontDraw shared{vertex,         record.pipeline->link, bank,         record.tables,        setup, indices,
+                         fixed.topology, params.first,          params.firstInstance, &pool.cancelled()};
   const std::vector<Run> runs = findRuns(fixed, indices, params.count);
   ChunkSource source(runs, params.instanceCount);
   const uint64_t primitiveBytes = sizeof(raster::Primitive) + sizeof(raster::BinEntry) +

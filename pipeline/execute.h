@@ -13,6 +13,8 @@ struct DrawState {
   std::shared_ptr<GraphicsPipeline> pipeline;
   VkViewport viewport{};                       //!< resolved: static or dynamic
   VkRect2D scissor{};
+  VkViewport furtherViewports[raster::kMaxViewports - 1] = {};   //!< 1 and up; those of the pipeline's viewportCount
+  VkRect2D furtherScissors[raster::kMaxViewports - 1] = {};
   float lineWidth = 1;
   float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0;
   float blendConstants[4] = {};
@@ -60,9 +62,14 @@ struct PassBegin {
   VkResolveModeFlagBits depthResolve = VK_RESOLVE_MODE_NONE, stencilResolve = VK_RESOLVE_MODE_NONE;
 };
 
-//! PUMICE_STATS counters of a pass.
+//! Counters of a pass. Those marked * are counted only when statistics are asked for.
 struct PassCounters {
-  uint64_t draws = 0, verticesShaded = 0, verticesReused = 0, primitives = 0, fragmentsShaded = 0, quads = 0, tilesTouched = 0, samplesPassed = 0;
+  uint64_t draws = 0, verticesShaded = 0, verticesReused = 0, primitives = 0, quads = 0, tilesTouched = 0;
+  uint64_t fragmentsCovered = 0;                                   //!< pixels (or samples, where these are shaded) with coverage
+  uint64_t fragmentsShaded = 0;                                    //!< * fragment shader invocations without helpers
+  uint64_t samplesTested = 0, samplesPassed = 0;                   //!< * samples of fragments; written ones
+  uint64_t varyingsInterpolated = 0, varyingsDropped = 0;          //!< scalars: read by fragment shaders of the draws; written but not read
+  uint64_t bytesCleared = 0, bytesLoaded = 0, bytesStored = 0;     //!< of attachments, by load and store operations, in tiles that were worked on
   raster::SetupCounters setup;
 };
 
@@ -79,6 +86,8 @@ class PassExecutor {
   void beginOcclusion(uint64_t* counter);
   void endOcclusion();
   void end();
+  //! From the next pass on: count everything, at some cost (routines are variants that count). PUMICE_STATS=1 does, and prints.
+  void collectStatistics(bool on);
   const PassCounters& counters() const;   //!< of the last finished pass
   struct Impl;   //!< pass_impl.h
  private:

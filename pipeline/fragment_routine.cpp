@@ -18,7 +18,7 @@ using texture::Texel;
 
 namespace {
 
-constexpr uint32_t kSlotX = 0, kSlotY = 1, kSlotCoverage = 2, kSlotPassed = 0;
+constexpr uint32_t kSlotX = 0, kSlotY = 1, kSlotCoverage = 2, kSlotSample = 3, kSlotCentreX = 4, kSlotCentreY = 5, kSlotPassed = 0, kSlotShaded = 1;
 constexpr uint32_t kPlaneDepth = 0, kPlaneInverseW = 1, kPlaneVaryings = 2;
 constexpr uint64_t kSwapX = 0xb1, kSwapY = 0x4e;   // lanes 1 0 3 2 and 2 3 0 1 of a quad
 
@@ -37,6 +37,7 @@ struct ShaderTraits {
   bool early = true;       // tests before the shader
   bool needsHelpers = false;
   bool guarded = false;    // there may be lanes whose memory accesses must not happen
+  bool perSample = false;
 };
 
 ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) {
@@ -48,7 +49,9 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
   }
   t.early = shader->earlyFragmentTests || !(shader->mayDiscard || shader->writesDepth || shader->writesMemory || state.alphaToCoverage || t.writesSampleMask);
   t.needsHelpers = shader->usesDerivatives;
-  t.guarded = shader->writesMemory && (t.needsHelpers || shader->mayDiscard);
+  // A fraction of the samples may be shaded; all of them always satisfies it.
+  t.perSample = state.samples > 1 && (shader->usesSampleRate || (state.sampleShading && state.minSampleShading * float(state.samples) > 1));
+  t.guarded = shader->writesMemory && (t.needsHelpers || shader->mayDiscard || t.perSample);
   return t;
 }
 
@@ -74,8 +77,10 @@ class FragmentExpander : public StageExpander {
     if (shader_.mayDiscard) killed_ = b.var(Type::Mask);
   }
   //! Interpolates at the start of the shader, where every lane that runs it is active.
-  void begin(ir::Builder& b, Value x, Value y, Value covered, Value centreDepth, Value coverage, Value rasterized) {
-    x_ = x, y_ = y, covered_ = covered, centreDepth_ = centreDepth, coverage_ = coverage, rasterized_ = rasterized;
+  void begin(ir::Builder& b, Value x, Value y, Value covered, Value depth, Value coverage, Value rasterized) {
+    x_ = x, y_ = y, covered_ = covered, fragDepth_ = depth, coverage_ = coverage, rasterized_ = rasterized;
+    centreX_ = traits_.perSample ? b.input(Type::F32, kSlotCentreX) : x;
+    centreY_ = traits_.perSample ? b.input(Type::F32, kSlotCentreY) : y;
     for (uint32_t i = 0; i < pipeline_.link.varyings.size(); ++i) values_.push_back(interpolate(b, i, x, y));
   }
 
@@ -96,10 +101,10 @@ class FragmentExpander : public StageExpander {
     Value v = values_[it->second];
     if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat) return toType(b, type, v);
     if (operands.size() == 2)   // interpolateAtOffset
-      v = interpolate(b, it->second, b.fadd(x_, operands[0]), b.fadd(y_, operands[1]));
+      v = interpolate(b, it->second, b.fadd(centreX_, operands[0]), b.fadd(centreY_, operands[1]));
     else if (operands.size() == 1 && pipeline_.state.samples > 1)   // interpolateAtSample
       v = interpolateAtSample(b, it->second, [&](uint32_t s) { return b.ieq(operands[0], b.i32(s)); });
-    else if (shader_.inputs[variable].sampling == frontend::SampleLocation::Centroid && pipeline_.state.samples > 1)
+    else if (shader_.inputs[variable].sampling == frontend::SampleLocation::Centroid && pipeline_.state.samples > 1 && !traits_.perSample)
       v = interpolateAtSample(b, it->second, [&](uint32_t s) { return centroidSample(b, s); });
     return toType(b, type, v);
   }
@@ -119,6 +124,8 @@ class FragmentExpander : public StageExpander {
   }
 
   Value builtin(ir::Builder& b, Type type, uint32_t builtIn, uint32_t component) override {
+    if (auto it = pipeline_.link.builtInOf.find(uint64_t(builtIn) << 32 | component); it != pipeline_.link.builtInOf.end())
+      return toType(b, type, values_[it->second]);
     return toType(b, type, builtinValue(b, builtIn, component));
   }
 
@@ -128,10 +135,12 @@ class FragmentExpander : public StageExpander {
     std::vector<Value> operands(given.begin(), given.end());
     operands[2] = b.iadd(operands[2], b.convert(Op::FToS, Type::I32, builtinValue(b, kFragCoord, 0)));
     operands[3] = b.iadd(operands[3], b.convert(Op::FToS, Type::I32, builtinValue(b, kFragCoord, 1)));
-    // In multiview the view is the attachment's layer.
+    // The layer is that of the primitive; in multiview it is the view.
     ir::ImageOpInfo layered = op;
     layered.arrayed = true;
-    operands.insert(operands.begin() + 4, PUMICE_DRAW_FIELD(b, I32, viewIndex));
+    Value layer = PUMICE_DRAW_FIELD(b, I32, viewIndex);
+    if (pipeline_.link.layerRow >= 0) layer = b.iadd(layer, builtinValue(b, kLayer, 0));
+    operands.insert(operands.begin() + 4, layer);
     return StageExpander::image(b, layered, operands);
   }
 
@@ -158,7 +167,7 @@ class FragmentExpander : public StageExpander {
       dx = b.select(here, b.f32(float(locations[s][0]) / 16.f - 0.5f), dx);
       dy = b.select(here, b.f32(float(locations[s][1]) / 16.f - 0.5f), dy);
     }
-    return interpolate(b, varying, b.fadd(x_, dx), b.fadd(y_, dy));
+    return interpolate(b, varying, b.fadd(centreX_, dx), b.fadd(centreY_, dy));
   }
   //! A pixel that is covered whole is shaded at its centre, another at its first covered sample.
   Value centroidSample(ir::Builder& b, uint32_t sample) {
@@ -171,7 +180,8 @@ class FragmentExpander : public StageExpander {
   const ShaderTraits& traits_;
   std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
   Value depth_ = 0, sampleMask_ = 0, killed_ = 0;
-  Value x_ = 0, y_ = 0, covered_ = 0, centreDepth_ = 0, coverage_ = 0;
+  Value x_ = 0, y_ = 0, covered_ = 0, fragDepth_ = 0, coverage_ = 0;
+  Value centreX_ = 0, centreY_ = 0;   // of the pixel; x_ and y_ are where it is shaded
   Value rasterized_ = 0;   // coverage before the sample mask: what centroid is made of
   std::vector<Value> values_;
 };
@@ -189,7 +199,7 @@ Value FragmentExpander::interpolate(ir::Builder& b, uint32_t varying, Value x, V
   const raster::VaryingMode mode = pipeline_.link.varyings[varying].mode;
   if (mode == raster::VaryingMode::Flat) return b.quadLoad(Type::I32, planeOffset(kPlaneVaryings + varying));
   const Value v = evaluatePlane(b, kPlaneVaryings + varying, x, y);
-  if (mode == raster::VaryingMode::Linear) return v;
+  if (mode != raster::VaryingMode::Perspective) return v;
   return b.fmul(v, b.fdiv(b.f32(1), evaluatePlane(b, kPlaneInverseW, x, y)));
 }
 
@@ -198,29 +208,35 @@ Value FragmentExpander::builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t 
     case kFragCoord:
       if (component == 0) return b.fadd(x_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellX)));
       if (component == 1) return b.fadd(y_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellY)));
-      return component == 2 ? centreDepth_ : evaluatePlane(b, kPlaneInverseW, x_, y_);
+      return component == 2 ? fragDepth_ : evaluatePlane(b, kPlaneInverseW, x_, y_);
     case kFrontFacing: return b.ine(b.quadLoad(Type::I32, offsetof(raster::RecordHeader, frontFacing)), b.i32(0));
     case kPrimitiveId: return b.quadLoad(Type::I32, offsetof(raster::RecordHeader, primitiveId));
     case kSampleMask: return coverage_;
-    case kSampleId: case kLayer: case kViewportIndex: case kDeviceIndex: return b.i32(0);
-    case kSamplePosition: return b.f32(0.5f);
+    case kSampleId: return traits_.perSample ? b.input(Type::I32, kSlotSample) : b.i32(0);
+    case kSamplePosition:
+      if (!traits_.perSample) return b.f32(0.5f);
+      return b.fadd(component ? b.fsub(y_, centreY_) : b.fsub(x_, centreX_), b.f32(0.5f));
+    case kLayer: return b.quadLoad(Type::I32, offsetof(raster::RecordHeader, layer));
+    case kViewportIndex: return b.quadLoad(Type::I32, offsetof(raster::RecordHeader, viewport));
+    case kDeviceIndex: return b.i32(0);
+    case kClipDistance: case kCullDistance: return b.f32(0);   // the vertex shader does not write it
     case kHelperInvocation: return helperMask(b);
     case kViewIndex: return PUMICE_DRAW_FIELD(b, I32, viewIndex);
-    case kPointCoord:
-      if (pipeline_.state.topology != VK_PRIMITIVE_TOPOLOGY_POINT_LIST) return b.f32(0);
-      break;
     default: break;
   }
   fail(base::errorf("fragment stage: built-in %u is not supported", builtIn).message);
   return b.i32(0);
 }
 
-Value clampDepth(ir::Builder& b, const GraphicsState& s, Value depth, bool fromShader) {
+Value clampDepth(ir::Builder& b, const GraphicsPipeline& pipeline, Value depth, bool fromShader) {
+  const GraphicsState& s = pipeline.state;
   const texture::FormatInfo* f = texture::formatInfo(s.depthStencilFormat);
   if (!f || !f->hasDepth()) return depth;
   // Clipping leaves depths in the viewport's range but for rounding; a bias or the shader may leave it on purpose.
-  if (!s.depthClamp && (s.depthBias || fromShader)) return b.fmin(b.fmax(depth, b.f32(0)), b.f32(1));
-  const Value n = PUMICE_DRAW_FIELD(b, F32, minDepth), m = PUMICE_DRAW_FIELD(b, F32, maxDepth);
+  if (!s.depthClamp && (s.depthBias || fromShader || !s.depthClip)) return b.fmin(b.fmax(depth, b.f32(0)), b.f32(1));
+  const bool chosen = pipeline.link.viewportRow >= 0;
+  const Value n = chosen ? b.quadLoad(Type::F32, offsetof(raster::RecordHeader, minDepth)) : PUMICE_DRAW_FIELD(b, F32, minDepth);
+  const Value m = chosen ? b.quadLoad(Type::F32, offsetof(raster::RecordHeader, maxDepth)) : PUMICE_DRAW_FIELD(b, F32, maxDepth);
   return b.fmin(b.fmax(depth, b.fmin(n, m)), b.fmax(n, m));
 }
 
@@ -242,6 +258,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   auto routine = std::make_shared<FragmentRoutine>();
   routine->varyings = pipeline.link.varyings;
   routine->needsHelpers = t.needsHelpers;
+  routine->perSample = t.perSample;
 
   ir::Function f;
   f.name = "fragment routine";
@@ -253,23 +270,28 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const Value x = b.input(Type::F32, kSlotX), y = b.input(Type::F32, kSlotY);
   const Value rasterized = b.input(Type::I32, kSlotCoverage);
   Value coverage = rasterized;
-  const uint32_t samples = state.samples, allSamples = samples >= 32 ? ~0u : (1u << samples) - 1;
+  const uint32_t samples = t.perSample ? 1 : state.samples;   // that this code deals with
+  const uint32_t allSamples = (1u << state.samples) - 1;
+  const Value sampleNumber = t.perSample ? b.input(Type::I32, kSlotSample) : 0;
+  const auto sampleBit = [&](uint32_t s) { return t.perSample ? b.shl(b.i32(1), sampleNumber) : b.i32(1u << s); };
   const bool masked = (state.sampleMask & allSamples) != allSamples;
   if (masked) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
   const Value passed = key.countSamples ? b.var(Type::I32) : 0;
+  const Value shaded = key.statistics ? b.var(Type::I32) : 0;
 
   const auto locations = raster::sampleLocations(samples);
   const auto depthAt = [&](uint32_t sample) {
-    if (samples == 1) return clampDepth(b, state, evaluatePlane(b, kPlaneDepth, x, y), false);
+    if (samples == 1) return clampDepth(b, pipeline, evaluatePlane(b, kPlaneDepth, x, y), false);
     const Value sx = b.fadd(x, b.f32(float(locations[sample][0]) / 16.f - 0.5f));
     const Value sy = b.fadd(y, b.f32(float(locations[sample][1]) / 16.f - 0.5f));
-    return clampDepth(b, state, evaluatePlane(b, kPlaneDepth, sx, sy), false);
+    return clampDepth(b, pipeline, evaluatePlane(b, kPlaneDepth, sx, sy), false);
   };
 
+  if (t.perSample) coverage = b.and_(coverage, sampleBit(0));
   std::vector<Value> live(samples, 0);   // 0: all active lanes
   for (uint32_t s = 0; s < samples; ++s) {
     if (samples > 1) live[s] = b.ine(b.and_(coverage, b.i32(1u << s)), b.i32(0));
-    else if (t.needsHelpers || masked) live[s] = b.ine(coverage, b.i32(0));
+    else if (t.needsHelpers || masked || t.perSample) live[s] = b.ine(coverage, b.i32(0));
     if (t.early) live[s] = testSample(b, state, s, live[s], depthAt(s));
   }
   Value any = live[0];
@@ -278,13 +300,14 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const Value run = any && t.needsHelpers ? quadAny(b, any) : any;
   if (run) b.beginIf(run);
   if (shader) {
-    expander.begin(b, x, y, any, clampDepth(b, state, evaluatePlane(b, kPlaneDepth, x, y), false), coverage, rasterized);
+    if (shaded) b.set(shaded, any ? b.select(any, b.i32(1), b.i32(0)) : b.i32(1));
+    expander.begin(b, x, y, any, clampDepth(b, pipeline, evaluatePlane(b, kPlaneDepth, x, y), false), coverage, rasterized);
     if (t.guarded) ir::inlineShader(b, guardEffects(shader->function), expander);
     else ir::inlineShader(b, shader->function, expander);
   }
   const Value alive = expander.killed() ? b.maskNot(b.get(expander.killed())) : 0;
   const Value shaderDepth = expander.depth() && !(shader && shader->earlyFragmentTests)
-                                ? clampDepth(b, state, b.get(expander.depth()), true) : 0;
+                                ? clampDepth(b, pipeline, b.get(expander.depth()), true) : 0;
   std::vector<Texel> colors(state.colorCount), colors1(state.colorCount);
   for (uint32_t a = 0; a < state.colorCount; ++a)
     if (expander.writes(a)) colors[a] = expander.color(b, a, 0), colors1[a] = expander.color(b, a, 1);
@@ -298,8 +321,11 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   for (uint32_t s = 0; s < samples; ++s) {
     live[s] = both(b, live[s], alive);
     if (expander.sampleMask())
-      live[s] = both(b, live[s], b.ine(b.and_(b.get(expander.sampleMask()), b.i32(1u << s)), b.i32(0)));
-    if (state.alphaToCoverage && alpha) live[s] = both(b, live[s], b.fle(b.f32((float(s) + 0.5f) / float(samples)), alpha));
+      live[s] = both(b, live[s], b.ine(b.and_(b.get(expander.sampleMask()), sampleBit(s)), b.i32(0)));
+    if (state.alphaToCoverage && alpha) {
+      const Value number = t.perSample ? b.convert(Op::SToF, Type::F32, sampleNumber) : b.f32(float(s));
+      live[s] = both(b, live[s], b.fle(b.fmul(b.fadd(number, b.f32(0.5f)), b.f32(1.0f / float(state.samples))), alpha));
+    }
     if (!t.early) live[s] = testSample(b, state, s, live[s], shaderDepth ? shaderDepth : depthAt(s));
     const bool guarded = live[s] && live[s] != run;
     if (guarded) b.beginIf(live[s]);
@@ -310,6 +336,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   }
   if (run) b.endIf();
   if (passed) b.output(kSlotPassed, b.get(passed));
+  if (shaded) b.output(kSlotShaded, b.get(shaded));
   if (!expander.error().empty()) return base::Error{expander.error()};
 
   const texture::FormatInfo* depthFormat = texture::formatInfo(state.depthStencilFormat);

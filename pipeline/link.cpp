@@ -72,11 +72,21 @@ base::Result<StageLink> linkStages(const GraphicsState& state, const Shader& ver
       written[place(v, uint32_t(imm))] = v.type;
       continue;
     }
-    if (v.location == kClipDistance || v.location == kCullDistance)
-      return base::errorf("vertex stage: clip and cull distances are not supported yet");
-    if (v.location == kPointSize && state.topology == VK_PRIMITIVE_TOPOLOGY_POINT_LIST && link.pointSizeRow < 0)
-      link.pointSizeRow = int32_t(link.rowCount++);
+    const uint32_t component = uint32_t(imm);
+    const bool points = state.topology == VK_PRIMITIVE_TOPOLOGY_POINT_LIST || state.polygonMode == VK_POLYGON_MODE_POINT;
+    if (v.location == kPointSize && points && link.pointSizeRow < 0) link.pointSizeRow = int32_t(link.rowCount++);
+    if (v.location == kViewportIndex && link.viewportRow < 0) link.viewportRow = int32_t(link.rowCount++);
+    if (v.location == kLayer && link.layerRow < 0) link.layerRow = int32_t(link.rowCount++);
+    if (v.location == kClipDistance) link.clipDistances = std::max(link.clipDistances, component + 1);
+    if (v.location == kCullDistance) link.cullDistances = std::max(link.cullDistances, component + 1);
   }
+  if (link.clipDistances + link.cullDistances > raster::kMaxClipDistances)
+    return base::errorf("vertex stage: %u clip and cull distances, at most %u are possible", link.clipDistances + link.cullDistances,
+                        raster::kMaxClipDistances);
+  if (link.clipDistances) link.clipDistanceRow = int32_t(link.rowCount);
+  if (link.cullDistances) link.cullDistanceRow = int32_t(link.rowCount + link.clipDistances);
+  link.rowCount += link.clipDistances + link.cullDistances;
+  link.unread = uint32_t(written.size());
   if (!fragment) return link;
 
   std::map<std::pair<Place, raster::VaryingMode>, uint32_t> known;
@@ -98,6 +108,18 @@ base::Result<StageLink> linkStages(const GraphicsState& state, const Shader& ver
     if (added) link.varyings.push_back({uint16_t(row->second), mode});
     link.varyingOf[imm] = varying->second;
   }
+  link.unread = uint32_t(written.size() - link.rows.size());
+  forEach(*fragment, ir::Op::Builtin, [&](const ir::Inst& i) {
+    const uint32_t builtIn = uint32_t(i.imm >> 32), component = uint32_t(i.imm);
+    std::optional<raster::Varying> varying;
+    if (builtIn == kPointCoord && component < 2) varying = {0, component ? raster::VaryingMode::PointY : raster::VaryingMode::PointX};
+    if (builtIn == kClipDistance && component < link.clipDistances)
+      varying = {uint16_t(link.clipDistanceRow + int32_t(component)), raster::VaryingMode::Perspective};
+    if (builtIn == kCullDistance && component < link.cullDistances)
+      varying = {uint16_t(link.cullDistanceRow + int32_t(component)), raster::VaryingMode::Perspective};
+    if (!varying || !link.builtInOf.try_emplace(i.imm, uint32_t(link.varyings.size())).second) return;
+    link.varyings.push_back(*varying);
+  });
   if (link.varyings.size() > raster::kMaxVaryings)
     return base::errorf("%zu components between the stages, at most %u are possible", link.varyings.size(), raster::kMaxVaryings);
   return link;

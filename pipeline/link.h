@@ -34,9 +34,13 @@ inline Place place(const frontend::InterfaceVariable& v, uint32_t component) {
 struct StageLink {
   std::map<Place, uint32_t> rows;              //!< vertex output -> row of raster::VertexOutputs
   uint32_t rowCount = 4;
-  int32_t pointSizeRow = -1;
+  int32_t pointSizeRow = -1, viewportRow = -1, layerRow = -1;
+  int32_t clipDistanceRow = -1, cullDistanceRow = -1;   //!< the first of as many rows
+  uint32_t clipDistances = 0, cullDistances = 0;
   std::vector<raster::Varying> varyings;       //!< order of the planes
+  uint32_t unread = 0;                         //!< scalars that the vertex shader writes for nothing
   std::map<uint64_t, uint32_t> varyingOf;      //!< fragment ShaderInput's imm -> index in varyings
+  std::map<uint64_t, uint32_t> builtInOf;      //!< fragment Builtin's imm -> index in varyings, for those that are interpolated
 };
 base::Result<StageLink> linkStages(const GraphicsState& state, const frontend::Shader& vertex, const frontend::Shader* fragment);
 

@@ -39,7 +39,8 @@ AttachmentPlane planeOf(const Attachment& a, VkImageAspectFlags aspect) {
   const texture::PlaneLayout& plane = layout->plane(aspect);
   const texture::LevelLayout& level = plane.levels[a.level];
   const bool slices = layout->type == VK_IMAGE_TYPE_3D;
-  p.base = a.memory.base + plane.offset + level.offset + (slices ? level.slicePitch : plane.layerPitch) * a.baseLayer;
+  p.layerPitch = slices ? level.slicePitch : plane.layerPitch;
+  p.base = a.memory.base + plane.offset + level.offset + p.layerPitch * a.baseLayer;
   p.samplePitch = plane.samplePitch;
   p.rowElements = uint32_t(level.rowPitch / plane.elementBytes);
   return p;
@@ -62,6 +63,7 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   loaded = false;
   occlusion = nullptr;
   counters = {};
+  statistics = collect || stats;
   samples = 1;
   for (uint32_t a = 0; a < kMaxColorAttachments; ++a) {
     if (a >= pass.colorCount) pass.color[a] = pass.resolve[a] = {};
@@ -71,8 +73,12 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   depth = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_DEPTH_BIT);
   stencil = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_STENCIL_BIT);
   if (pass.depthStencil.memory.layout) samples = pass.depthStencil.memory.layout->samples;
-  const raster::TileGrid grid(pass.width, pass.height);
-  if (!bins || bins->grid().tilesX != grid.tilesX || bins->grid().tilesY != grid.tilesY) bins.emplace(grid);
+  pass.layers = std::max(pass.layers, 1u);
+  for (uint32_t a = 0; a < pass.colorCount; ++a)
+    if (pass.color[a].memory.layout) pass.layers = std::min(pass.layers, pass.color[a].layerCount);
+  if (pass.depthStencil.memory.layout) pass.layers = std::min(pass.layers, pass.depthStencil.layerCount);
+  const raster::TileGrid grid(pass.width, pass.height, pass.layers);
+  if (!bins || bins->grid() != grid) bins.emplace(grid);
   draws.clear();
   forgetPrimitives();
 }
@@ -84,24 +90,27 @@ void PassExecutor::Impl::clear(const VkClearAttachment& attachment, const VkClea
   record->isClear = true;
   record->clear = attachment;
   record->rect = intersect(rect.rect, pass.renderArea);
-  record->baseLayer = rect.baseArrayLayer;
-  record->layerCount = rect.layerCount;
   if (isEmpty(record->rect)) return;
   // A primitive without edges that reaches every tile of the rectangle puts the clear in its place among the draws.
-  raster::Primitive* p = clearArena.alloc<raster::Primitive>();
-  if (!p) {
-    base::logError("clear left out: memory is exhausted");
-    return;
-  }
-  p->edgeCount = 0;
-  p->minX = record->rect.offset.x;
-  p->minY = record->rect.offset.y;
-  p->maxX = p->minX + int32_t(record->rect.extent.width) - 1;
-  p->maxY = p->minY + int32_t(record->rect.extent.height) - 1;
-  p->minZ = p->maxZ = 0;
+  raster::Primitive p;
+  p.edgeCount = 0;
+  p.minX = record->rect.offset.x;
+  p.minY = record->rect.offset.y;
+  p.maxX = p.minX + int32_t(record->rect.extent.width) - 1;
+  p.maxY = p.minY + int32_t(record->rect.extent.height) - 1;
+  p.minZ = p.maxZ = 0;
   draws.push_back(std::move(record));
-  bins->add(uint32_t(draws.size() - 1), *p);
   collected += sizeof(DrawRecord);
+  for (uint32_t l = 0; l < rect.layerCount && rect.baseArrayLayer + l < pass.layers; ++l) {
+    p.layer = uint16_t(rect.baseArrayLayer + l);
+    const raster::Primitive* kept = clearArena.copy(std::span<const raster::Primitive>(&p, 1)).data();
+    if (!kept) {
+      base::logError("clear left out: memory is exhausted");
+      return;
+    }
+    bins->add(uint32_t(draws.size() - 1), *kept);
+    collected += sizeof p;
+  }
 }
 
 void PassExecutor::Impl::forgetPrimitives() {
@@ -129,9 +138,12 @@ void PassExecutor::Impl::flush() {
   if (!isEmpty(area)) {
     const uint32_t x0 = uint32_t(area.offset.x) / raster::kTileSize, x1 = (uint32_t(area.offset.x) + area.extent.width - 1) / raster::kTileSize;
     const uint32_t y0 = uint32_t(area.offset.y) / raster::kTileSize, y1 = (uint32_t(area.offset.y) + area.extent.height - 1) / raster::kTileSize;
-    for (uint32_t y = y0; y <= y1 && y < grid.tilesY; ++y)
-      for (uint32_t x = x0; x <= x1 && x < grid.tilesX; ++x)
-        if (clears || !bins->tile(y * grid.tilesX + x).empty()) work.push_back(y * grid.tilesX + x);
+    for (uint32_t l = 0; l < grid.layers; ++l)
+      for (uint32_t y = y0; y <= y1 && y < grid.tilesY; ++y)
+        for (uint32_t x = x0; x <= x1 && x < grid.tilesX; ++x) {
+          const uint32_t tile = (l * grid.tilesY + y) * grid.tilesX + x;
+          if (clears || !bins->tile(tile).empty()) work.push_back(tile);
+        }
   }
   if (!work.empty()) {
     for (auto& w : tileWorkers) w->begin();
@@ -188,20 +200,30 @@ void PassExecutor::Impl::end() {
   }
   for (auto& w : tileWorkers) {
     counters.quads += w->quads;
-    counters.fragmentsShaded += w->fragments;
+    counters.fragmentsCovered += w->fragments;
+    counters.fragmentsShaded += w->shaded;
+    counters.samplesTested += w->tested;
     counters.samplesPassed += w->passed;
-    w->quads = w->fragments = w->passed = 0;
+    counters.bytesCleared += w->cleared;
+    counters.bytesLoaded += w->loaded;
+    counters.bytesStored += w->stored;
+    w->quads = w->fragments = w->shaded = w->tested = w->passed = w->cleared = w->loaded = w->stored = 0;
   }
-  if (stats) {
-    const PassCounters& c = counters;
-    const auto n = [](uint64_t v) { return static_cast<unsigned long long>(v); };
-    std::fprintf(stderr,
-                 "pumice: stats: pass %ux%u: %llu draws, %llu vertices (%llu reused), %llu primitives of %llu (clipped %llu, facing away %llu, "
-                 "no area %llu, outside %llu, no sample %llu), %llu tiles, %llu quads, %llu fragments\n",
-                 pass.width, pass.height, n(c.draws), n(c.verticesShaded), n(c.verticesReused), n(c.primitives), n(c.setup.input),
-                 n(c.setup.clippedAway), n(c.setup.culledFace), n(c.setup.culledZeroArea), n(c.setup.culledOutside), n(c.setup.culledNoSample),
-                 n(c.tilesTouched), n(c.quads), n(c.fragmentsShaded));
-  }
+  if (stats) printCounters();
+}
+
+void PassExecutor::Impl::printCounters() const {
+  const PassCounters& c = counters;
+  const auto n = [](uint64_t v) { return static_cast<unsigned long long>(v); };
+  std::fprintf(stderr,
+               "pumice: stats: pass %ux%u: %llu draws, %llu vertices (%llu reused), %llu primitives of %llu (clipped %llu, facing away %llu, "
+               "no area %llu, outside %llu, no sample %llu), %llu tiles, %llu quads, %llu fragments, %llu shaded, %llu samples (%llu failed), "
+               "%llu varyings (%llu dropped), bytes cleared %llu, loaded %llu, stored %llu\n",
+               pass.width, pass.height, n(c.draws), n(c.verticesShaded), n(c.verticesReused), n(c.primitives), n(c.setup.input),
+               n(c.setup.clippedAway), n(c.setup.culledFace), n(c.setup.culledZeroArea), n(c.setup.culledOutside), n(c.setup.culledNoSample),
+               n(c.tilesTouched), n(c.quads), n(c.fragmentsCovered), n(c.fragmentsShaded), n(c.samplesTested),
+               n(c.samplesTested - c.samplesPassed), n(c.varyingsInterpolated), n(c.varyingsDropped), n(c.bytesCleared), n(c.bytesLoaded),
+               n(c.bytesStored));
 }
 
 PassExecutor::PassExecutor(base::ThreadPool& pool) : impl_(std::make_unique<Impl>(pool)) {}
@@ -212,6 +234,7 @@ void PassExecutor::clear(const VkClearAttachment& attachment, const VkClearRect&
 void PassExecutor::beginOcclusion(uint64_t* counter) { impl_->occlusion = counter; }
 void PassExecutor::endOcclusion() { impl_->occlusion = nullptr; }
 void PassExecutor::end() { impl_->end(); }
+void PassExecutor::collectStatistics(bool on) { impl_->collect = on; }
 const PassCounters& PassExecutor::counters() const { return impl_->counters; }
 
 }  // namespace pumice::pipeline

@@ -24,18 +24,17 @@ struct DrawRecord {
   std::byte push[kMaxPushBytes];
   interp::Tables tables;
   interp::UniformBank bank;
-  VkRect2D bounds{};
+  raster::DepthRange depthRanges[raster::kMaxViewports];
   uint64_t* occlusion = nullptr;
   // Clears
   VkClearAttachment clear{};
   VkRect2D rect{};
-  uint32_t baseLayer = 0, layerCount = 1;
 };
 
 //! One plane of an attachment as tiles address it: layer 0 of the view, sample 0.
 struct AttachmentPlane {
   std::byte* base = nullptr;
-  uint64_t samplePitch = 0;
+  uint64_t samplePitch = 0, layerPitch = 0;
   uint32_t rowElements = 0;      //!< elements from one row of blocks to the next
 };
 
@@ -47,7 +46,8 @@ struct PassExecutor::Impl {
   ~Impl();
 
   base::ThreadPool& pool;
-  const bool stats;
+  const bool stats;              //!< print them
+  bool collect = false, statistics = false;   //!< wanted from the next pass on; in this one
   PassBegin pass;
   bool open = false;
   uint32_t samples = 1;
@@ -73,6 +73,7 @@ struct PassExecutor::Impl {
   bool fits(const GraphicsState& state) const;
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
   void resolve();
+  void printCounters() const;
   void forgetPrimitives();
 };
 

@@ -11,7 +11,7 @@ namespace pumice::pipeline {
 
 namespace {
 
-constexpr bool samplesSupported(uint32_t samples) { return samples == 1 || samples == 4; }
+constexpr bool samplesSupported(uint32_t samples) { return samples >= 1 && samples <= 16 && !(samples & (samples - 1)); }
 
 base::Status checkState(const GraphicsState& s) {
   switch (s.topology) {
@@ -20,8 +20,9 @@ base::Status checkState(const GraphicsState& s) {
     default: return base::errorf("primitive topology %d is not supported", int(s.topology));
   }
   if (s.rasterizerDiscard) return {};
-  if (s.polygonMode != VK_POLYGON_MODE_FILL) return base::errorf("polygon mode %d is not supported", int(s.polygonMode));
-  if (!samplesSupported(s.samples)) return base::errorf("%u samples are not supported yet", s.samples);
+  if (s.polygonMode > VK_POLYGON_MODE_POINT) return base::errorf("polygon mode %d is not supported", int(s.polygonMode));
+  if (s.viewportCount > raster::kMaxViewports) return base::errorf("%u viewports, at most %u are possible", s.viewportCount, raster::kMaxViewports);
+  if (!samplesSupported(s.samples)) return base::errorf("%u samples are not supported", s.samples);
   if (s.colorCount > kMaxColorAttachments) return base::errorf("%u colour attachments, at most %u are possible", s.colorCount, kMaxColorAttachments);
   for (uint32_t a = 0; a < s.colorCount; ++a)
     if (const VkFormat format = s.colorFormats[a]; format != VK_FORMAT_UNDEFINED) {
@@ -85,8 +86,6 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   PUMICE_TRY(checkState(p->state));
   PUMICE_TRY(checkVertexInput(p->state, *p->vertex));
   if (auto r = checkResources(*p->vertex, *p->layout); !r) return in("vertex", std::move(r));
-  if (p->fragment && p->state.samples > 1 && (p->fragment->usesSampleRate || p->state.sampleShading))
-    return base::errorf("fragment stage: shading per sample is not supported yet");
   auto link = linkStages(p->state, *p->vertex, p->fragment.get());
   if (!link) return std::move(link).error();
   p->link = std::move(link).value();
@@ -158,10 +157,11 @@ std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& p, const Dr
   return findOrMake(p.vertexVariants, key, "vertex", [&] { return buildVertexRoutine(p, key); });
 }
 
-std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples) {
+std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples, bool statistics) {
   FragmentKey key;
   key.numerics = p.state.numerics;
-  key.countSamples = countSamples;
+  key.countSamples = countSamples || statistics;
+  key.statistics = statistics;
   if (p.fragment) key.images = p.fragmentImages.read(*p.fragment, *p.layout, draw.setMemory, draw.setSize);
   return findOrMake(p.fragmentVariants, key, "fragment", [&] { return buildFragmentRoutine(p, key); });
 }

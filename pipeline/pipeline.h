@@ -7,6 +7,7 @@
 
 #include "base/result.h"
 #include "pipeline/layout.h"
+#include "raster/primitive.h"
 #include "spirv_interp/frontend/shader.h"
 #include "spirv_interp/ir/passes.h"
 
@@ -26,13 +27,18 @@ struct GraphicsState {
   bool wholeAttributes = false;        //!< robustBufferAccess2: an attribute that is out of bounds in part is zero as a whole
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
   bool primitiveRestart = false;
-  bool rasterizerDiscard = false, depthClamp = false, depthBias = false;
+  bool rasterizerDiscard = false, depthClamp = false, depthClip = true, depthBias = false;
+  bool provokingLast = false;
+  raster::LineMode lineMode = raster::LineMode::Rectangular;
   VkPolygonMode polygonMode = VK_POLYGON_MODE_FILL;
   VkCullModeFlags cullMode = 0;
   VkFrontFace frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
   float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0, lineWidth = 1;
   VkViewport viewport{};               //!< static ones
   VkRect2D scissor{};
+  std::vector<VkViewport> furtherViewports;   //!< 1 and up
+  std::vector<VkRect2D> furtherScissors;
+  uint32_t viewportCount = 1;          //!< when the count is dynamic: the most there may be
   uint32_t samples = 1;
   uint32_t sampleMask = ~0u;
   bool sampleShading = false, alphaToCoverage = false, alphaToOne = false;

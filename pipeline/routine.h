@@ -26,6 +26,7 @@ struct VertexKey {
 struct FragmentKey {
   ir::Numerics numerics = ir::Numerics::F32;
   bool countSamples = false;                //!< an occlusion query is open
+  bool statistics = false;                  //!< shader invocations are counted too
   uint8_t depthTiled = 1;
   std::vector<ImageState> images;
   bool operator==(const FragmentKey&) const = default;
@@ -37,16 +38,19 @@ struct FragmentKey {
 struct VertexRoutine {
   std::unique_ptr<interp::Executable> code;
   uint32_t rowCount = 4;
-  int32_t pointSizeRow = -1;
 };
 
 //! Interpolation, fragment shader, depth/stencil test, blending, packing. Input slots: 0 = x and 1 = y of the pixel
 //! centre relative to the grid cell's corner (f32), 2 = coverage (i32, bit per sample). Quads read raster records;
-//! tile planes are numbered by planeIndex(). Output slot 0 (countSamples): i32, bit per sample that passed.
+//! tile planes are numbered by planeIndex(). Output slot 0 (countSamples): i32, bit per sample that passed; slot 1
+//! (statistics): i32, 1 where the shader ran for the pixel itself.
+//! With `perSample` it shades one sample: 0 and 1 are that sample's place, 3 = its number (i32), 4 and 5 = the pixel's
+//! centre, planes of sample 0 are that sample's, and bit 0 of the output is its result.
 struct FragmentRoutine {
   std::unique_ptr<interp::Executable> code;
   std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
   bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes
+  bool perSample = false;                   //!< to be run once for every sample
   bool present = true;                      //!< false: nothing is written or counted, skip the draw
 };
 
@@ -58,7 +62,7 @@ static_assert(stencilPlane(15, 16) < interp::kMaxTilePlanes);
 
 //! Find or make the routine for a draw. Thread-safe; null (and a reason logged once) if it cannot be made.
 std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& pipeline, const DrawState& draw);
-std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples);
+std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples, bool statistics);
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {
   std::unique_ptr<interp::Executable> code;

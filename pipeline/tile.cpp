@@ -18,6 +18,12 @@ constexpr float kLaneX[4] = {0.5f, 1.5f, 0.5f, 1.5f}, kLaneY[4] = {0.5f, 0.5f, 1
 }  // namespace
 
 void TileWorker::begin() {
+  layer_ = 0;
+  setPlanes();
+}
+
+void TileWorker::setPlanes() {
+  planesLayer_ = layer_;
   pitchCount_ = 0;
   std::fill(std::begin(planes_), std::end(planes_), interp::TilePlane{});
   const auto pitchIndex = [&](uint32_t rowElements) {
@@ -29,7 +35,7 @@ void TileWorker::begin() {
   const auto put = [&](const AttachmentPlane& p, uint32_t first) {
     if (!p.base) return;
     const uint32_t* elements = elements_[pitchIndex(p.rowElements)];
-    for (uint32_t s = 0; s < pass_.samples; ++s) planes_[first + s] = {p.base + s * p.samplePitch, elements};
+    for (uint32_t s = 0; s < pass_.samples; ++s) planes_[first + s] = {p.base + layer_ * p.layerPitch + s * p.samplePitch, elements};
   };
   for (uint32_t a = 0; a < kMaxColorAttachments; ++a) put(pass_.colorPlanes[a], colorPlane(a, 0, pass_.samples));
   put(pass_.depth, depthPlane(0, pass_.samples));
@@ -40,21 +46,45 @@ void TileWorker::loadOps(const VkRect2D& rect) {
   const PassBegin& p = pass_.pass;
   for (uint32_t a = 0; a < p.colorCount; ++a)
     if (p.color[a].memory.layout && p.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
-      fillAttachment(p.color[a], VK_IMAGE_ASPECT_COLOR_BIT, 0, p.layers, rect, p.color[a].clear);
+      fillAttachment(p.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, rect, p.color[a].clear);
   const Attachment& d = p.depthStencil;
   if (!d.memory.layout) return;
-  if (pass_.depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, 0, p.layers, rect, d.clear);
+  if (pass_.depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer_, 1, rect, d.clear);
   if (pass_.stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
-    fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, 0, p.layers, rect, d.clear);
+    fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer_, 1, rect, d.clear);
+}
+
+// What the operations of this tile's attachments move: nothing for DONT_CARE and NONE, nor where no draw reaches.
+void TileWorker::countBytes(const VkRect2D& rect) {
+  const uint32_t grid = pass_.bins->grid().tilesX * pass_.bins->grid().tilesY;
+  const bool drawn = !pass_.bins->tile(layer_ * grid + tileY_ * pass_.bins->grid().tilesX + tileX_).empty();
+  const auto count = [&](const Attachment& a, VkImageAspectFlagBits aspect, VkAttachmentLoadOp load, VkAttachmentStoreOp store) {
+    const texture::FormatInfo* f = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
+    if (!f || !(f->aspects() & aspect)) return;
+    const uint64_t bytes = uint64_t(rect.extent.width) * rect.extent.height * a.memory.layout->plane(aspect).elementBytes * pass_.samples;
+    if (load == VK_ATTACHMENT_LOAD_OP_CLEAR && !pass_.loaded) cleared += bytes;
+    if ((load == VK_ATTACHMENT_LOAD_OP_LOAD || pass_.loaded) && drawn) loaded += bytes;
+    if (store == VK_ATTACHMENT_STORE_OP_STORE) stored += bytes;
+  };
+  for (uint32_t a = 0; a < pass_.pass.colorCount; ++a) {
+    const Attachment& c = pass_.pass.color[a];
+    count(c, VK_IMAGE_ASPECT_COLOR_BIT, c.loadOp, c.storeOp);
+  }
+  const Attachment& d = pass_.pass.depthStencil;
+  count(d, VK_IMAGE_ASPECT_DEPTH_BIT, d.loadOp, d.storeOp);
+  count(d, VK_IMAGE_ASPECT_STENCIL_BIT, d.stencilLoadOp, d.stencilStoreOp);
 }
 
 void TileWorker::tile(uint32_t index) {
-  const uint32_t tilesX = pass_.bins->grid().tilesX;
-  tileX_ = index % tilesX;
-  tileY_ = index / tilesX;
+  const raster::TileGrid& grid = pass_.bins->grid();
+  tileX_ = index % grid.tilesX;
+  tileY_ = index / grid.tilesX % grid.tilesY;
+  layer_ = index / (grid.tilesX * grid.tilesY);
+  if (layer_ != planesLayer_) setPlanes();
   const VkRect2D tileRect{{int32_t(tileX_ * raster::kTileSize), int32_t(tileY_ * raster::kTileSize)}, {raster::kTileSize, raster::kTileSize}};
   const VkRect2D rect = intersect(pass_.pass.renderArea, tileRect);
   if (!pass_.loaded && !isEmpty(rect)) loadOps(rect);
+  if (pass_.statistics) countBytes(rect);
 
   for (const raster::BinEntry& entry : pass_.bins->tile(index)) {
     DrawRecord* draw = pass_.draws[entry.draw].get();
@@ -64,15 +94,15 @@ void TileWorker::tile(uint32_t index) {
       const VkClearAttachment& c = draw->clear;
       if (isEmpty(r)) continue;
       if (c.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT)
-        fillAttachment(pass_.pass.color[c.colorAttachment], VK_IMAGE_ASPECT_COLOR_BIT, draw->baseLayer, draw->layerCount, r, c.clearValue);
+        fillAttachment(pass_.pass.color[c.colorAttachment], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, r, c.clearValue);
       for (VkImageAspectFlags aspect : {VK_IMAGE_ASPECT_DEPTH_BIT, VK_IMAGE_ASPECT_STENCIL_BIT})
         if (c.aspectMask & aspect)
-          fillAttachment(pass_.pass.depthStencil, aspect, draw->baseLayer, draw->layerCount, r, c.clearValue);
+          fillAttachment(pass_.pass.depthStencil, aspect, layer_, 1, r, c.clearValue);
       continue;
     }
     primitive_ = entry.primitive;
     record_ = nullptr;
-    raster::rasterize(*primitive_, tileX_, tileY_, draw->bounds, draw->constants.samples, *this);
+    raster::rasterize(*primitive_, tileX_, tileY_, pass_.pass.renderArea, draw->constants.samples, *this);
   }
   setDraw(nullptr);
   records_.reset();
@@ -83,7 +113,6 @@ void TileWorker::setDraw(DrawRecord* draw) {
   flushQuads();
   if (draw_ && draw_->occlusion && occluded_) {
     std::atomic_ref<uint64_t>(*draw_->occlusion).fetch_add(occluded_, std::memory_order_relaxed);
-    passed += occluded_;
     occluded_ = 0;
   }
   draw_ = draw;
@@ -113,7 +142,8 @@ void TileWorker::block(uint32_t x, uint32_t y, const uint16_t* masks) {
       std::byte* fresh = static_cast<std::byte*>(records_.allocBytes(bytes, 16));
       if (!fresh) return;
       recordBytes_ += bytes;
-      raster::fillRecord(*primitive_, varyings, tileX_ * raster::kGridCell, tileY_ * raster::kGridCell, fresh);
+      raster::fillRecord(*primitive_, varyings, tileX_ * raster::kGridCell, tileY_ * raster::kGridCell, fresh,
+                         draw_->depthRanges[primitive_->viewport]);
       record_ = fresh;
     }
     const uint32_t n = count_++, lane = n * 4;
@@ -138,25 +168,74 @@ void TileWorker::flushQuads() {
   interp::ExecContext context;
   context.lanes = count_ * 4;
   std::copy(std::begin(active_), std::end(active_), context.active);
-  const void* inputs[3] = {x_, y_, coverage_};
-  void* outputs[1] = {passedRow_};
-  context.inputs = inputs;
-  context.outputs = outputs;
   context.tables = draw_->tables;
   for (uint32_t n = count_; n < kQuads; ++n) quadRecords_[n] = quadRecords_[0];
   context.quadRecords = quadRecords_;
   context.tilePlanes = planes_;
   context.stop = &pass_.pool.cancelled();
-  draw_->fragment->code->run(draw_->bank, context);
-
   quads += count_;
-  for (uint64_t a : active_) fragments += uint64_t(std::popcount(a));
-  if (draw_->occlusion)
-    for (uint32_t l = 0; l < context.lanes; ++l)
-      if (active_[l >> 6] >> (l & 63) & 1) occluded_ += uint64_t(std::popcount(passedRow_[l]));
+  if (pass_.statistics)
+    for (uint32_t l = 0; l < context.lanes; ++l) tested += uint64_t(std::popcount(coverage_[l]));
+  if (draw_->fragment->perSample) {
+    runPerSample(context);
+  } else {
+    const void* inputs[3] = {x_, y_, coverage_};
+    context.inputs = inputs;
+    run(context);
+  }
   for (uint32_t n = 0; n < count_; ++n) pending_[position_[n] >> 6] &= ~(uint64_t(1) << (position_[n] & 63));
   std::fill(std::begin(active_), std::end(active_), 0);
   count_ = 0;
+}
+
+void TileWorker::run(interp::ExecContext& context) {
+  void* outputs[2] = {passedRow_, shadedRow_};
+  context.outputs = outputs;
+  draw_->fragment->code->run(draw_->bank, context);
+  for (uint64_t a : context.active) fragments += uint64_t(std::popcount(a));
+  if (!draw_->occlusion && !pass_.statistics) return;
+  uint64_t count = 0;
+  for (uint32_t l = 0; l < context.lanes; ++l) {
+    if (!(context.active[l >> 6] >> (l & 63) & 1)) continue;
+    count += uint64_t(std::popcount(passedRow_[l]));
+    if (pass_.statistics) shaded += shadedRow_[l];
+  }
+  if (draw_->occlusion) occluded_ += count;
+  passed += count;
+}
+
+// The row once for each sample, with the lanes (or quads) that the sample is covered in.
+void TileWorker::runPerSample(const interp::ExecContext& row) {
+  interp::ExecContext context = row;
+  const uint32_t samples = draw_->constants.samples;
+  const auto locations = raster::sampleLocations(samples);
+  interp::TilePlane planes[interp::kMaxTilePlanes];
+  context.tilePlanes = planes;
+  const void* inputs[6] = {sampleX_, sampleY_, coverage_, sampleNumber_, x_, y_};
+  context.inputs = inputs;
+  for (uint32_t s = 0; s < samples; ++s) {
+    uint64_t any = 0;
+    std::fill(std::begin(context.active), std::end(context.active), 0);
+    for (uint32_t l = 0; l < context.lanes; ++l) {
+      const uint64_t covered = coverage_[l] >> s & 1;
+      context.active[l >> 6] |= covered << (l & 63);
+      any |= covered;
+    }
+    if (!any) continue;
+    if (draw_->fragment->needsHelpers)
+      for (uint64_t& a : context.active) {
+        a |= a >> 1;
+        a |= a >> 2;
+        a = (a & 0x1111111111111111u) * 15;
+      }
+    for (uint32_t plane = 0; plane <= stencilPlane(0, samples); plane += samples) planes[plane] = planes_[plane + s];
+    for (uint32_t l = 0; l < context.lanes; ++l) {
+      sampleX_[l] = x_[l] + (float(locations[s][0]) / 16.f - 0.5f);
+      sampleY_[l] = y_[l] + (float(locations[s][1]) / 16.f - 0.5f);
+      sampleNumber_[l] = s;
+    }
+    run(context);
+  }
 }
 
 }  // namespace pumice::pipeline

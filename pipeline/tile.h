@@ -16,15 +16,21 @@ struct TileWorker final : raster::BlockSink {
   void tile(uint32_t index);
   void block(uint32_t x, uint32_t y, const uint16_t* masks) override;
 
-  uint64_t quads = 0, fragments = 0, passed = 0;
+  uint64_t quads = 0, fragments = 0, shaded = 0, tested = 0, passed = 0;
+  uint64_t cleared = 0, loaded = 0, stored = 0;   //!< bytes
 
  private:
   void loadOps(const VkRect2D& rect);
+  void countBytes(const VkRect2D& rect);
+  void setPlanes();
+  void run(interp::ExecContext& context);
+  void runPerSample(const interp::ExecContext& row);
   void setDraw(DrawRecord* draw);
   void flushQuads();
 
   PassExecutor::Impl& pass_;
-  uint32_t tileX_ = 0, tileY_ = 0;
+  uint32_t tileX_ = 0, tileY_ = 0, layer_ = 0;
+  uint32_t planesLayer_ = 0;               //!< that planes_ point to
   DrawRecord* draw_ = nullptr;
   const raster::Primitive* primitive_ = nullptr;
   const std::byte* record_ = nullptr;      //!< of the primitive in this tile; null: not made yet
@@ -44,8 +50,13 @@ struct TileWorker final : raster::BlockSink {
   alignas(64) float y_[interp::kMaxLanes] = {};
   alignas(64) uint32_t coverage_[interp::kMaxLanes] = {};
   alignas(64) uint32_t passedRow_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t shadedRow_[interp::kMaxLanes] = {};
   alignas(64) uint32_t elements_[kMaxPitches][kQuads] = {};
   interp::TilePlane planes_[interp::kMaxTilePlanes];
+  // For shading per sample
+  alignas(64) float sampleX_[interp::kMaxLanes] = {};
+  alignas(64) float sampleY_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t sampleNumber_[interp::kMaxLanes] = {};
 };
 
 }  // namespace pumice::pipeline

@@ -37,7 +37,12 @@ class VertexExpander : public StageExpander {
     int32_t row = -1;
     if (v.builtIn) {
       if (v.location == kPosition) row = int32_t(component & 3);
-      if (v.location == kPointSize) row = pipeline_.link.pointSizeRow;
+      const StageLink& link = pipeline_.link;
+      if (v.location == kPointSize) row = link.pointSizeRow;
+      if (v.location == kViewportIndex) row = link.viewportRow;
+      if (v.location == kLayer) row = link.layerRow;
+      if (v.location == kClipDistance) row = link.clipDistanceRow + int32_t(component);
+      if (v.location == kCullDistance) row = link.cullDistanceRow + int32_t(component);
     } else if (auto it = pipeline_.link.rows.find(place(v, component)); it != pipeline_.link.rows.end()) {
       row = int32_t(it->second);
     }
@@ -115,7 +120,6 @@ base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPi
   auto routine = std::make_shared<VertexRoutine>();
   routine->code = std::move(code).value();
   routine->rowCount = pipeline.link.rowCount;
-  routine->pointSizeRow = pipeline.link.pointSizeRow;
   return routine;
 }
 

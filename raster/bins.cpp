@@ -14,8 +14,10 @@ void Bins::add(uint32_t draw, const Primitive& p) {
   const int32_t y0 = std::max(p.minY, 0) / kTile, y1 = std::min(p.maxY / kTile, int32_t(grid_.tilesY) - 1);
   if (x0 > x1 || y0 > y1) return;
   const BinEntry entry{draw, &p};
+  if (p.layer >= grid_.layers) return;
+  const size_t layer = size_t(p.layer) * grid_.tilesX * grid_.tilesY;
   if (x0 == x1 && y0 == y1) {
-    tiles_[size_t(y0) * grid_.tilesX + x0].push_back(entry);
+    tiles_[layer + size_t(y0) * grid_.tilesX + x0].push_back(entry);
     return;
   }
   // A tile is left out when even its corner that is deepest inside lies outside one edge. Samples lie on
@@ -31,7 +33,7 @@ void Bins::add(uint32_t draw, const Primitive& p) {
         const int64_t cornerY = y * kSpan + (edge.b > 0 ? kLast : 0);
         touches &= edge.a * cornerX + edge.b * cornerY + edge.c >= 0;
       }
-      if (touches) tiles_[size_t(y) * grid_.tilesX + x].push_back(entry);
+      if (touches) tiles_[layer + size_t(y) * grid_.tilesX + x].push_back(entry);
     }
   }
 }
@@ -66,12 +68,17 @@ std::span<const Location> sampleLocations(uint32_t samples) {
   }
 }
 
-void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record) {
+void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
+                const DepthRange& depth) {
   RecordHeader header;
   header.frontFacing = p.frontFacing ? ~0u : 0u;
   header.primitiveId = p.primitiveId;
   header.cellX = float(cellX);
   header.cellY = float(cellY);
+  header.layer = p.layer;
+  header.viewport = p.viewport;
+  header.minDepth = depth.low;
+  header.maxDepth = depth.high;
   std::memcpy(record, &header, sizeof header);
   std::byte* out = record + kRecordPlanes;
   for (size_t i = 0; i < 2 + varyings.size(); i++, out += 12) {

@@ -22,7 +22,8 @@ ClipVertex clipEdge(const ClipVolume& volume, uint32_t plane, const ClipVertex& 
     case kClipLeft: v.x = volume.left * v.w; break;
     case kClipRight: v.x = volume.right * v.w; break;
     case kClipTop: v.y = volume.top * v.w; break;
-    default: v.y = volume.bottom * v.w; break;
+    case kClipBottom: v.y = volume.bottom * v.w; break;
+    default: break;
   }
   v.w = std::max(v.w, kSmallestW);
   return v;

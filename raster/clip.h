@@ -17,9 +17,11 @@ constexpr int64_t kGuardBand = int64_t(1) << 20;
 //! From clip space to framebuffer, in double: products of two floats are exact there.
 struct ViewTransform {
   double scaleX, scaleY, scaleZ, offsetX, offsetY, offsetZ;
+  double lowZ, highZ;   //!< depth range, ordered
   explicit ViewTransform(const VkViewport& v)
       : scaleX(double(v.width) / 2), scaleY(double(v.height) / 2), scaleZ(double(v.maxDepth) - double(v.minDepth)),
-        offsetX(double(v.x) + double(v.width) / 2), offsetY(double(v.y) + double(v.height) / 2), offsetZ(double(v.minDepth)) {}
+        offsetX(double(v.x) + double(v.width) / 2), offsetY(double(v.y) + double(v.height) / 2), offsetZ(double(v.minDepth)),
+        lowZ(double(v.minDepth < v.maxDepth ? v.minDepth : v.maxDepth)), highZ(double(v.minDepth < v.maxDepth ? v.maxDepth : v.minDepth)) {}
 };
 
 struct ClipVertex {
@@ -30,8 +32,8 @@ struct ClipVertex {
   double screenY() const { return y / w; }
 };
 
-//! Planes that cut, in this order.
-enum ClipPlane : uint32_t { kClipW, kClipNear, kClipFar, kClipLeft, kClipRight, kClipTop, kClipBottom, kClipPlanes };
+//! Planes that cut, in this order. From kClipUser on: the clip distances.
+enum ClipPlane : uint32_t { kClipW, kClipNear, kClipFar, kClipLeft, kClipRight, kClipTop, kClipBottom, kClipUser, kClipPlanes = kClipUser + kMaxClipDistances };
 constexpr uint32_t kDepthPlanes = 1u << kClipNear | 1u << kClipFar;
 constexpr uint32_t kSidePlanes = 1u << kClipLeft | 1u << kClipRight | 1u << kClipTop | 1u << kClipBottom;
 constexpr uint32_t kMaxClipVertices = 3 + kClipPlanes;
@@ -40,6 +42,7 @@ constexpr uint32_t kMaxClipVertices = 3 + kClipPlanes;
 struct ClipVolume {
   uint32_t planes = 1u << kClipW | kSidePlanes;  //!< bit per ClipPlane
   double left, top, right, bottom;
+  double user[kMaxClipDistances][3] = {};   //!< clip distances at the primitive's own vertices
 };
 
 //! w must be positive; the bound is below every positive float, so that no vertex of the application is lost.
@@ -54,7 +57,11 @@ inline double clipDistance(const ClipVolume& volume, uint32_t plane, const ClipV
     case kClipLeft: return v.x - volume.left * v.w;
     case kClipRight: return volume.right * v.w - v.x;
     case kClipTop: return v.y - volume.top * v.w;
-    default: return volume.bottom * v.w - v.y;
+    case kClipBottom: return volume.bottom * v.w - v.y;
+    default: {
+      const double(&d)[3] = volume.user[plane - kClipUser];
+      return v.weight[0] * d[0] + v.weight[1] * d[1] + v.weight[2] * d[2];
+    }
   }
 }
 

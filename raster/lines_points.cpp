@@ -1,5 +1,6 @@
 // Setup of lines and points, as polygons of four edges. Limits: kPointSize..., kLineWidth... in primitive.h.
 #include <algorithm>
+#include <cmath>
 
 #include "raster/setup.h"
 
@@ -7,16 +8,35 @@ namespace pumice::raster {
 
 void SetupContext::line(const uint32_t (&slots)[2], uint32_t provoking, uint32_t primitiveId) {
   counters_.input++;
+  if (choosesView_ && !select(slots[provoking])) {
+    counters_.culledOutside++;
+    return;
+  }
   SetupVertex own[2];
   for (uint32_t i = 0; i < 2; i++)
     if (!load(slots[i], i, own[i])) {
       counters_.clippedAway++;
       return;
     }
+  segment(own, {slots[provoking], primitiveId});
+}
+
+void SetupContext::segment(const SetupVertex (&own)[2], const Origin& origin) {
   // Lines are clipped to the view volume before they get their width.
+  ClipVolume clipped;
+  const ClipVolume* volume = &view_->viewVolume;
+  if (userClips_) {
+    clipped = *volume;
+    volume = &clipped;
+    if (!origin.ofPolygon && culled(own, 2)) {
+      counters_.clippedAway++;
+      return;
+    }
+    userPlanes(own, 2, clipped);
+  }
   ClipVertex ends[2] = {own[0].clip, own[1].clip};
-  const uint32_t out0 = outcode(viewVolume_, ends[0]), out1 = outcode(viewVolume_, ends[1]);
-  if ((out0 & out1) || !clipSegment(viewVolume_, out0 | out1, ends[0], ends[1])) {
+  const uint32_t out0 = outcode(*volume, ends[0]), out1 = outcode(*volume, ends[1]);
+  if ((out0 & out1) || !clipSegment(*volume, out0 | out1, ends[0], ends[1])) {
     counters_.clippedAway++;
     return;
   }
@@ -27,78 +47,140 @@ void SetupContext::line(const uint32_t (&slots)[2], uint32_t provoking, uint32_t
     return;
   }
 
-  // Non-strict lines (Vulkan specification, "Bresenham line segment rasterization" and what may differ from it): a parallelogram whose
-  // ends run along the minor axis. With a width of 1 every column (or row) gets one pixel. The start is in, the end is not, so that a
-  // strip draws its inner vertices once.
-  const bool alongX = std::abs(x) >= std::abs(y);
   const int64_t half = std::clamp<int64_t>(snap(double(state_.lineWidth) / 2), kSubpixelOne / 2, snap(kMaxLineWidth / 2));
-  const int64_t sideX = alongX ? 0 : half, sideY = alongX ? half : 0;
   Primitive p;
-  p.primitiveId = primitiveId;
-  p.frontFacing = true;
+  p.primitiveId = origin.primitiveId;
+  p.frontFacing = origin.frontFacing;
   p.edgeCount = 4;
-  const SnappedPoint low[2] = {{from.x - sideX, from.y - sideY}, {to.x - sideX, to.y - sideY}};
-  const SnappedPoint high[2] = {{from.x + sideX, from.y + sideY}, {to.x + sideX, to.y + sideY}};
-  // The inside of an edge is where y grows when going to the right: which of the sides runs forward depends on the direction.
-  const bool forward = alongX ? x > 0 : y < 0;
-  p.edges[0] = forward ? makeEdge(low[0], low[1]) : makeEdge(low[1], low[0]);
-  p.edges[1] = forward ? makeEdge(high[1], high[0]) : makeEdge(high[0], high[1]);
-  const int64_t direction = alongX ? (x > 0 ? 1 : -1) : (y > 0 ? 1 : -1);
-  const int64_t start = alongX ? from.x : from.y, end = alongX ? to.x : to.y;
-  p.edges[2] = {alongX ? direction : 0, alongX ? 0 : direction, -direction * start};
-  p.edges[3] = {alongX ? -direction : 0, alongX ? 0 : -direction, direction * end - 1};
-  if (!pixels({std::min(low[0].x, low[1].x), std::min(low[0].y, low[1].y), std::max(high[0].x, high[1].x), std::max(high[0].y, high[1].y)},
-              bounds_, p))
+  SnappedPoint low[2], high[2];   // the corners at both ends
+  if (state_.lineMode == LineMode::Bresenham) {
+    // What "Bresenham line segment rasterization" (Vulkan specification) allows: a parallelogram whose ends run along the minor axis.
+    // With a width of 1 every column (or row) gets one pixel. The start is in, the end is not, so that a strip draws its inner vertices
+    // once.
+    const bool alongX = std::abs(x) >= std::abs(y);
+    const int64_t sideX = alongX ? 0 : half, sideY = alongX ? half : 0;
+    low[0] = {from.x - sideX, from.y - sideY}, low[1] = {to.x - sideX, to.y - sideY};
+    high[0] = {from.x + sideX, from.y + sideY}, high[1] = {to.x + sideX, to.y + sideY};
+    // The inside of an edge is where y grows when going to the right: which of the sides runs forward depends on the direction.
+    const bool forward = alongX ? x > 0 : y < 0;
+    p.edges[0] = forward ? makeEdge(low[0], low[1]) : makeEdge(low[1], low[0]);
+    p.edges[1] = forward ? makeEdge(high[1], high[0]) : makeEdge(high[0], high[1]);
+    const int64_t direction = alongX ? (x > 0 ? 1 : -1) : (y > 0 ? 1 : -1);
+    const int64_t start = alongX ? from.x : from.y, end = alongX ? to.x : to.y;
+    p.edges[2] = {alongX ? direction : 0, alongX ? 0 : direction, -direction * start};
+    p.edges[3] = {alongX ? -direction : 0, alongX ? 0 : -direction, direction * end - 1};
+  } else {
+    // A rectangle about the segment, its corners snapped: from low[0] along the segment and back, clockwise on the screen.
+    const double alongX = ends[1].screenX() - ends[0].screenX(), alongY = ends[1].screenY() - ends[0].screenY();
+    const double scale = double(half) / kSubpixelOne / std::hypot(alongX, alongY);
+    const double sideX = -alongY * scale, sideY = alongX * scale;
+    for (int i = 0; i < 2; i++) {
+      low[i] = {snap(ends[i].screenX() - sideX), snap(ends[i].screenY() - sideY)};
+      high[i] = {snap(ends[i].screenX() + sideX), snap(ends[i].screenY() + sideY)};
+    }
+    const SnappedPoint around[4] = {low[0], low[1], high[1], high[0]};
+    if (area2(around[0], around[1], around[2]) <= 0 || area2(around[0], around[2], around[3]) <= 0) {
+      counters_.culledZeroArea++;
+      return;
+    }
+    for (int i = 0; i < 4; i++) p.edges[i] = makeEdge(around[i], around[(i + 1) % 4]);
+  }
+  const auto [minX, maxX] = std::minmax({low[0].x, low[1].x, high[0].x, high[1].x});
+  const auto [minY, maxY] = std::minmax({low[0].y, low[1].y, high[0].y, high[1].y});
+  if (!pixels({minX, minY, maxX, maxY}, view_->bounds, p))
     return;
 
   const ScreenVertex a{ends[0].screenX(), ends[0].screenY(), ends[0]}, b{ends[1].screenX(), ends[1].screenY(), ends[1]};
   PlaneSet set;
-  if (!planes_.fromSegment(own, provoking, a, b, set)) {
+  if (!planes_.fromSegment(own, origin.provokingSlot, a, b, set)) {
     counters_.clippedAway++;
     return;
   }
-  planes_.finishDepth(ends, 2, double(half) / kSubpixelOne + 1.0 / 128, false, set);
-  p.planes = set.planes;
-  p.flat = set.flat;
-  p.minZ = set.minZ;
-  p.maxZ = set.maxZ;
-  out_.push_back(p);
+  planes_.finishDepth(ends, 2, double(half) / kSubpixelOne + 1.0 / 128, origin.depthOffset, set);
+  emit(p, set);
   counters_.output++;
 }
 
 void SetupContext::point(uint32_t slot, uint32_t primitiveId) {
   counters_.input++;
+  if (choosesView_ && !select(slot)) {
+    counters_.culledOutside++;
+    return;
+  }
   SetupVertex own;
-  // A point is drawn whole or, when its centre is outside of the view volume, not at all.
-  if (!load(slot, 0, own) || outcode(viewVolume_, own.clip)) {
+  if (!load(slot, 0, own)) {
     counters_.clippedAway++;
     return;
   }
-  float size = vertices_.pointSizeRow >= 0 ? vertices_.rows[vertices_.pointSizeRow][slot] : 1.0f;
+  square(own, {slot, primitiveId});
+}
+
+void SetupContext::square(const SetupVertex& own, const Origin& origin) {
+  // A point is drawn whole or, when its centre is outside of the view volume, not at all.
+  ClipVolume volume = view_->viewVolume;
+  if (userClips_) userPlanes(&own, 1, volume);
+  if ((!origin.ofPolygon && culled(&own, 1)) || outcode(volume, own.clip)) {
+    counters_.clippedAway++;
+    return;
+  }
+  float size = vertices_.pointSizeRow >= 0 ? vertices_.rows[vertices_.pointSizeRow][own.slot] : 1.0f;
   size = size >= kMinPointSize ? std::min(size, kMaxPointSize) : kMinPointSize;  // NaN too becomes the smallest
   const double x = own.clip.screenX(), y = own.clip.screenY(), half = double(size) / 2;
   const int64_t left = snap(x - half), right = snap(x + half), top = snap(y - half), bottom = snap(y + half);
   Primitive p;
-  p.primitiveId = primitiveId;
-  p.frontFacing = true;
+  p.primitiveId = origin.primitiveId;
+  p.frontFacing = origin.frontFacing;
   p.edgeCount = 4;
   p.edges[0] = {1, 0, -left};
   p.edges[1] = {-1, 0, right - 1};
   p.edges[2] = {0, 1, -top};
   p.edges[3] = {0, -1, bottom - 1};
-  if (!pixels({left, top, right, bottom}, bounds_, p)) return;
+  if (!pixels({left, top, right, bottom}, view_->bounds, p)) return;
   PlaneSet set;
-  if (!planes_.fromPoint(own, set)) {
+  if (!planes_.fromPoint(own, origin.provokingSlot, x, y, size, set)) {
     counters_.clippedAway++;
     return;
   }
-  planes_.finishDepth(&own.clip, 1, 0, false, set);
-  p.planes = set.planes;
-  p.flat = set.flat;
-  p.minZ = set.minZ;
-  p.maxZ = set.maxZ;
-  out_.push_back(p);
+  planes_.finishDepth(&own.clip, 1, 0, origin.depthOffset, set);
+  emit(p, set);
   counters_.output++;
+}
+
+void SetupContext::outline(const SetupVertex (&own)[3], const ClipVolume& volume, uint32_t cutting, uint32_t provokingSlot,
+                           uint32_t primitiveId) {
+  ClipVertex polygon[kMaxClipVertices] = {own[0].clip, own[1].clip, own[2].clip};
+  const uint32_t count = cutting ? clipPolygon(volume, cutting, polygon, 3) : 3;
+  if (count < 3) {
+    counters_.clippedAway++;
+    return;
+  }
+  int64_t total = 0;
+  for (uint32_t i = 2; i < count; i++) total += area2(snapVertex(polygon[0]), snapVertex(polygon[i - 1]), snapVertex(polygon[i]));
+  Origin origin{provokingSlot, primitiveId};
+  origin.ofPolygon = true;
+  if (!facing(total, origin.frontFacing)) return;
+  // The bias is that of the polygon. A triangle seen edge-on has no slope to speak of.
+  PlaneSet whole;
+  if (state_.depthBiasEnable && total != 0 && planes_.fromHomogeneous(own, provokingSlot, polygon[0].screenX(), polygon[0].screenY(), whole))
+    origin.depthOffset = planes_.depthOffset(polygon, count, whole.planes[0]);
+  SetupCounters parts;   // the triangle counts, not its edges
+  std::swap(parts, counters_);
+  for (uint32_t i = 0; i < 3; i++) {
+    if (state_.polygonMode == VK_POLYGON_MODE_POINT) {
+      SetupVertex corner = own[i];
+      corner.clip.weight[i] = 0;
+      corner.clip.weight[0] = 1;
+      square(corner, origin);
+    } else {
+      SetupVertex ends[2] = {own[i], own[(i + 1) % 3]};
+      for (uint32_t k = 0; k < 2; k++)
+        for (uint32_t w = 0; w < 3; w++) ends[k].clip.weight[w] = w == k;
+      segment(ends, origin);
+    }
+  }
+  std::swap(parts, counters_);
+  counters_.output += parts.output;
+  counters_.clippedAway += !parts.output;
 }
 
 }  // namespace pumice::raster

@@ -47,23 +47,27 @@ bool PlaneBuilder::allocate(PlaneSet& set) {
 
 // solve(quantity, values) gives the plane of a quantity from its values at the own vertices.
 template <typename Solve>
-bool PlaneBuilder::fill(uint32_t ownCount, const SetupVertex* own, uint32_t provoking, PlaneSet& set, Solve&& solve) {
+bool PlaneBuilder::fill(uint32_t ownCount, const SetupVertex* own, uint32_t provokingSlot, PlaneSet& set, Solve&& solve) {
   if (!allocate(set)) return false;
   double values[3];
   for (uint32_t i = 0; i < ownCount; i++) values[i] = own[i].clip.z;
   Plane depth = solve(Quantity::Depth, values);
-  depth.dx *= view_.scaleZ;
-  depth.dy *= view_.scaleZ;
-  depth.origin = depth.origin * view_.scaleZ + view_.offsetZ;
+  depth.dx *= view_->scaleZ;
+  depth.dy *= view_->scaleZ;
+  depth.origin = depth.origin * view_->scaleZ + view_->offsetZ;
   set.planes[0] = depth;
   for (uint32_t i = 0; i < ownCount; i++) values[i] = 1;
   set.planes[1] = solve(Quantity::InverseW, values);
   if (!(std::isfinite(depth.dx) && std::isfinite(depth.dy) && std::isfinite(depth.origin))) return false;
   for (size_t v = 0; v < state_.varyings.size(); v++) {
     const Varying& varying = state_.varyings[v];
+    if (varying.mode == VaryingMode::PointX || varying.mode == VaryingMode::PointY) {
+      set.planes[2 + v] = varying.mode == VaryingMode::PointX ? pointX_ : pointY_;
+      continue;
+    }
     const float* row = vertices_.rows[varying.vertexRow];
     if (varying.mode == VaryingMode::Flat) {
-      std::memcpy(&set.flat[v], &row[own[provoking].slot], 4);
+      std::memcpy(&set.flat[v], &row[provokingSlot], 4);
       continue;
     }
     for (uint32_t i = 0; i < ownCount; i++) values[i] = row[own[i].slot];
@@ -89,7 +93,7 @@ double cornerValue(Quantity quantity, const double* values, const SetupVertex* o
 
 }  // namespace
 
-bool PlaneBuilder::fromOwnCorners(const SetupVertex* own, uint32_t provoking, const double* x, const double* y, PlaneSet& set) {
+bool PlaneBuilder::fromOwnCorners(const SetupVertex* own, uint32_t provokingSlot, const double* x, const double* y, PlaneSet& set) {
   const double x1 = x[1] - x[0], y1 = y[1] - y[0], x2 = x[2] - x[0], y2 = y[2] - y[0];
   const double area = x1 * y2 - x2 * y1;
   if (area == 0) return false;
@@ -97,7 +101,7 @@ bool PlaneBuilder::fromOwnCorners(const SetupVertex* own, uint32_t provoking, co
   const double inverse = 1 / area;
   const double ax = y2 * inverse, bx = -y1 * inverse, ay = -x2 * inverse, by = x1 * inverse;
   const double inverseW[3] = {1 / own[0].clip.w, 1 / own[1].clip.w, 1 / own[2].clip.w};
-  return fill(3, own, provoking, set, [&](Quantity quantity, const double* values) {
+  return fill(3, own, provokingSlot, set, [&](Quantity quantity, const double* values) {
     double f[3] = {values[0], values[1], values[2]};
     if (quantity != Quantity::Linear)
       for (int i = 0; i < 3; i++) f[i] *= inverseW[i];
@@ -110,11 +114,11 @@ bool PlaneBuilder::fromOwnCorners(const SetupVertex* own, uint32_t provoking, co
   });
 }
 
-bool PlaneBuilder::fromCorners(const SetupVertex* own, uint32_t provoking, const ScreenVertex (&c)[3], PlaneSet& set) {
+bool PlaneBuilder::fromCorners(const SetupVertex* own, uint32_t provokingSlot, const ScreenVertex (&c)[3], PlaneSet& set) {
   const double x1 = c[1].x - c[0].x, y1 = c[1].y - c[0].y, x2 = c[2].x - c[0].x, y2 = c[2].y - c[0].y;
   const double area = x1 * y2 - x2 * y1;
   if (area == 0) return false;
-  return fill(3, own, provoking, set, [&](Quantity quantity, const double* values) {
+  return fill(3, own, provokingSlot, set, [&](Quantity quantity, const double* values) {
     const double f0 = cornerValue(quantity, values, own, 3, c[0].clip);
     const double f1 = cornerValue(quantity, values, own, 3, c[1].clip) - f0;
     const double f2 = cornerValue(quantity, values, own, 3, c[2].clip) - f0;
@@ -126,7 +130,7 @@ bool PlaneBuilder::fromCorners(const SetupVertex* own, uint32_t provoking, const
   });
 }
 
-bool PlaneBuilder::fromHomogeneous(const SetupVertex* own, uint32_t provoking, double referenceX, double referenceY, PlaneSet& set) {
+bool PlaneBuilder::fromHomogeneous(const SetupVertex* own, uint32_t provokingSlot, double referenceX, double referenceY, PlaneSet& set) {
   // Rows relative to the reference: the products then do not cancel for small triangles far from the framebuffer's origin.
   double x[3], y[3], w[3];
   for (int i = 0; i < 3; i++) {
@@ -145,7 +149,7 @@ bool PlaneBuilder::fromHomogeneous(const SetupVertex* own, uint32_t provoking, d
   }
   const double determinant = w[0] * cw[0] + w[1] * cw[1] + w[2] * cw[2];
   if (determinant == 0 || !std::isfinite(determinant)) return false;
-  return fill(3, own, provoking, set, [&](Quantity quantity, const double* values) {
+  return fill(3, own, provokingSlot, set, [&](Quantity quantity, const double* values) {
     Plane plane;
     double here = 0;
     for (int i = 0; i < 3; i++) {
@@ -161,11 +165,11 @@ bool PlaneBuilder::fromHomogeneous(const SetupVertex* own, uint32_t provoking, d
   });
 }
 
-bool PlaneBuilder::fromSegment(const SetupVertex* own, uint32_t provoking, const ScreenVertex& from, const ScreenVertex& to, PlaneSet& set) {
+bool PlaneBuilder::fromSegment(const SetupVertex* own, uint32_t provokingSlot, const ScreenVertex& from, const ScreenVertex& to, PlaneSet& set) {
   // t = (p - from) . (to - from) / |to - from|^2 (Vulkan specification, "Basic line segment rasterization").
   const double x = to.x - from.x, y = to.y - from.y, square = x * x + y * y;
   if (square == 0) return false;
-  return fill(2, own, provoking, set, [&](Quantity quantity, const double* values) {
+  return fill(2, own, provokingSlot, set, [&](Quantity quantity, const double* values) {
     const double f0 = cornerValue(quantity, values, own, 2, from.clip);
     const double change = (cornerValue(quantity, values, own, 2, to.clip) - f0) / square;
     Plane plane;
@@ -176,38 +180,50 @@ bool PlaneBuilder::fromSegment(const SetupVertex* own, uint32_t provoking, const
   });
 }
 
-bool PlaneBuilder::fromPoint(const SetupVertex& own, PlaneSet& set) {
-  return fill(1, &own, 0, set, [&](Quantity quantity, const double* values) {
+bool PlaneBuilder::fromPoint(const SetupVertex& own, uint32_t provokingSlot, double x, double y, double size, PlaneSet& set) {
+  pointX_ = {1 / size, 0, 0.5 - x / size};
+  pointY_ = {0, 1 / size, 0.5 - y / size};
+  const bool done = fill(1, &own, provokingSlot, set, [&](Quantity quantity, const double* values) {
     Plane plane;
     plane.origin = quantity == Quantity::Linear ? values[0] : values[0] / own.clip.w;
     return plane;
   });
+  pointX_ = pointY_ = {};
+  return done;
 }
 
-void PlaneBuilder::finishDepth(const ClipVertex* polygon, uint32_t count, double reach, bool bias, PlaneSet& set) {
-  Plane& depth = set.planes[0];
-  double low = std::numeric_limits<double>::infinity(), high = -low;
+void PlaneBuilder::depthRange(const ClipVertex* polygon, uint32_t count, double& low, double& high) const {
+  low = std::numeric_limits<double>::infinity(), high = -low;
   for (uint32_t i = 0; i < count; i++) {
-    const double z = polygon[i].z / polygon[i].w * view_.scaleZ + view_.offsetZ;
+    const double z = polygon[i].z / polygon[i].w * view_->scaleZ + view_->offsetZ;
     low = std::min(low, z);
     high = std::max(high, z);
   }
+}
+
+double PlaneBuilder::depthOffset(const ClipVertex* polygon, uint32_t count, const Plane& depth) const {
   const DepthUnit* unit = depthUnit(state_.depthFormat);
-  if (bias && state_.depthBiasEnable && unit) {
-    const double largest = std::max(std::fabs(low), std::fabs(high));
-    double r = unit->unit;
-    if (r == 0 && largest > 0 && std::isfinite(largest)) r = std::ldexp(1.0, std::max(std::ilogb(largest), -126) - 23);
-    // The specification allows max() for the slope's length, and it is what others use.
-    const double slope = std::max(std::fabs(depth.dx), std::fabs(depth.dy));
-    double offset = double(state_.depthBiasSlope) * slope + double(state_.depthBiasConstant) * r;
-    if (state_.depthBiasClamp > 0) offset = std::min(offset, double(state_.depthBiasClamp));
-    if (state_.depthBiasClamp < 0) offset = std::max(offset, double(state_.depthBiasClamp));
-    if (std::isfinite(offset)) {
-      depth.origin += offset;
-      low += offset;
-      high += offset;
-    }
-  }
+  if (!state_.depthBiasEnable || !unit) return 0;
+  double low, high;
+  depthRange(polygon, count, low, high);
+  const double largest = std::max(std::fabs(low), std::fabs(high));
+  double r = unit->unit;
+  if (r == 0 && largest > 0 && std::isfinite(largest)) r = std::ldexp(1.0, std::max(std::ilogb(largest), -126) - 23);
+  // The specification allows max() for the slope's length, and it is what others use.
+  const double slope = std::max(std::fabs(depth.dx), std::fabs(depth.dy));
+  double offset = double(state_.depthBiasSlope) * slope + double(state_.depthBiasConstant) * r;
+  if (state_.depthBiasClamp > 0) offset = std::min(offset, double(state_.depthBiasClamp));
+  if (state_.depthBiasClamp < 0) offset = std::max(offset, double(state_.depthBiasClamp));
+  return std::isfinite(offset) ? offset : 0;
+}
+
+void PlaneBuilder::finishDepth(const ClipVertex* polygon, uint32_t count, double reach, double offset, PlaneSet& set) const {
+  Plane& depth = set.planes[0];
+  double low, high;
+  depthRange(polygon, count, low, high);
+  depth.origin += offset;
+  low += offset;
+  high += offset;
   // The record's three floats and their sum (within a cell of kGridCell pixels, starting from a value at its corner) are each rounded.
   const double gradient = std::fabs(depth.dx) + std::fabs(depth.dy);
   const double largest = std::max(std::fabs(low), std::fabs(high)) + gradient * (kGridCell + 1);
@@ -215,10 +231,8 @@ void PlaneBuilder::finishDepth(const ClipVertex* polygon, uint32_t count, double
   low -= margin;
   high += margin;
   if (state_.depthClampEnable) {
-    const double near = std::min(state_.viewport.minDepth, state_.viewport.maxDepth);
-    const double far = std::max(state_.viewport.minDepth, state_.viewport.maxDepth);
-    low = std::clamp(low, near, far);
-    high = std::clamp(high, near, far);
+    low = std::clamp(low, view_->lowZ, view_->highZ);
+    high = std::clamp(high, view_->lowZ, view_->highZ);
   }
   set.minZ = std::nextafter(float(low), -std::numeric_limits<float>::infinity());
   set.maxZ = std::nextafter(float(high), std::numeric_limits<float>::infinity());

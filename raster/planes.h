@@ -33,34 +33,39 @@ struct ScreenVertex {
 
 class PlaneBuilder {
  public:
-  PlaneBuilder(const SetupState& state, const VertexOutputs& vertices, const ViewTransform& view, base::Arena& arena)
-      : state_(state), vertices_(vertices), view_(view), arena_(arena) {}
+  PlaneBuilder(const SetupState& state, const VertexOutputs& vertices, base::Arena& arena)
+      : state_(state), vertices_(vertices), arena_(arena) {}
+  void setView(const ViewTransform& view) { view_ = &view; }
 
   //! Planes through three corners with positive w (exact or snapped positions). The corners are the own vertices, in their order.
-  bool fromOwnCorners(const SetupVertex* own, uint32_t provoking, const double* x, const double* y, PlaneSet& set);
+  bool fromOwnCorners(const SetupVertex* own, uint32_t provokingSlot, const double* x, const double* y, PlaneSet& set);
   //! The same for any three corners made of the own vertices. False: out of memory or no finite plane.
-  bool fromCorners(const SetupVertex* own, uint32_t provoking, const ScreenVertex (&corners)[3], PlaneSet& set);
+  bool fromCorners(const SetupVertex* own, uint32_t provokingSlot, const ScreenVertex (&corners)[3], PlaneSet& set);
   //! Planes of a clipped triangle from its own three vertices, some with w <= 0: the homogeneous plane equations (Olano and Greer,
   //! "Triangle scan conversion using 2D homogeneous coordinates", 1997). (referenceX, referenceY): a pixel of the visible part.
-  bool fromHomogeneous(const SetupVertex* own, uint32_t provoking, double referenceX, double referenceY, PlaneSet& set);
+  bool fromHomogeneous(const SetupVertex* own, uint32_t provokingSlot, double referenceX, double referenceY, PlaneSet& set);
   //! Values that change along the segment only (lines).
-  bool fromSegment(const SetupVertex* own, uint32_t provoking, const ScreenVertex& from, const ScreenVertex& to, PlaneSet& set);
-  //! Values that are the same everywhere (points).
-  bool fromPoint(const SetupVertex& own, PlaneSet& set);
+  bool fromSegment(const SetupVertex* own, uint32_t provokingSlot, const ScreenVertex& from, const ScreenVertex& to, PlaneSet& set);
+  //! Values that are the same everywhere, but for PointCoord: a point of `size` pixels about (x, y).
+  bool fromPoint(const SetupVertex& own, uint32_t provokingSlot, double x, double y, double size, PlaneSet& set);
 
-  //! Applies the depth bias and finds bounds of depth that hold for every value the fragment routine may compute, from the visible
+  //! What the depth bias adds to a polygon with these corners and this plane of depth.
+  double depthOffset(const ClipVertex* polygon, uint32_t count, const Plane& depth) const;
+  //! Adds an offset to depths and finds bounds of depth that hold for every value the fragment routine may compute, from the visible
   //! polygon's corners. Samples lie at most `reach` pixels outside of that polygon.
-  void finishDepth(const ClipVertex* polygon, uint32_t count, double reach, bool bias, PlaneSet& set);
+  void finishDepth(const ClipVertex* polygon, uint32_t count, double reach, double offset, PlaneSet& set) const;
 
  private:
   template <typename Solve>
-  bool fill(uint32_t ownCount, const SetupVertex* own, uint32_t provoking, PlaneSet& set, Solve&& solve);
+  bool fill(uint32_t ownCount, const SetupVertex* own, uint32_t provokingSlot, PlaneSet& set, Solve&& solve);
   bool allocate(PlaneSet& set);
+  void depthRange(const ClipVertex* polygon, uint32_t count, double& low, double& high) const;
 
   const SetupState& state_;
   const VertexOutputs& vertices_;
-  const ViewTransform& view_;
+  const ViewTransform* view_ = nullptr;
   base::Arena& arena_;
+  Plane pointX_, pointY_;
 };
 
 }  // namespace pumice::raster

@@ -21,11 +21,16 @@ constexpr int kSubpixelBits = 8;
 constexpr int kSubpixelOne = 1 << kSubpixelBits;
 constexpr uint32_t kGridCell = 64;          //!< pixels: planes are re-based to the corner of this fixed framebuffer grid
 constexpr uint32_t kMaxVaryings = 128;      //!< scalar components between vertex and fragment stage
-constexpr uint32_t kMaxViewports = 1;
+constexpr uint32_t kMaxViewports = 16;
+constexpr uint32_t kMaxClipDistances = 8;   //!< clip and cull distances together
 constexpr float kMinPointSize = 1, kMaxPointSize = 1024;   //!< pixels (pointSizeRange)
-constexpr float kMinLineWidth = 1, kMaxLineWidth = 64;     //!< pixels (lineWidthRange, if wideLines is reported); strictLines is false
+constexpr float kMinLineWidth = 1, kMaxLineWidth = 64;     //!< pixels (lineWidthRange); strictLines is true
 
-enum class VaryingMode : uint8_t { Perspective, Linear, Flat };
+//! VkLineRasterizationModeEXT; DEFAULT is Rectangular, as strictLines says.
+enum class LineMode : uint8_t { Rectangular, Bresenham };
+
+//! PointX and PointY: PointCoord, made by the setup of points and zero elsewhere; they have no row.
+enum class VaryingMode : uint8_t { Perspective, Linear, Flat, PointX, PointY };
 
 //! One scalar that the fragment routine really reads.
 struct Varying {
@@ -40,6 +45,15 @@ struct VertexOutputs {
   uint32_t rowCount = 0;
   uint32_t vertexCount = 0;
   int32_t pointSizeRow = -1;
+  int32_t viewportRow = -1, layerRow = -1;          //!< integers; the provoking vertex's count
+  int32_t clipDistanceRow = -1, cullDistanceRow = -1;   //!< the first of as many rows
+  uint32_t clipDistances = 0, cullDistances = 0;
+};
+
+//! A viewport, and what limits pixels of its primitives: scissor, render area and framebuffer intersected.
+struct View {
+  VkViewport viewport{};
+  VkRect2D bounds{};
 };
 
 //! Everything about a draw that assembly, clipping and setup need. Plain values, captured from Vulkan state.
@@ -47,6 +61,9 @@ struct SetupState {
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
   VkViewport viewport{};
   VkRect2D bounds{};                 //!< scissor, render area and framebuffer intersected: nothing outside is produced
+  std::span<const View> furtherViews;   //!< viewports 1 and up, for vertices that choose one (viewportRow)
+  uint32_t layers = 1;               //!< of the framebuffer: primitives of others are dropped
+  VkPolygonMode polygonMode = VK_POLYGON_MODE_FILL;
   VkCullModeFlags cullMode = 0;
   VkFrontFace frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
   bool depthClampEnable = false;
@@ -56,6 +73,7 @@ struct SetupState {
   float depthBiasConstant = 0, depthBiasClamp = 0, depthBiasSlope = 0;
   VkFormat depthFormat = VK_FORMAT_UNDEFINED;    //!< for the unit of the constant bias
   float lineWidth = 1;
+  LineMode lineMode = LineMode::Rectangular;
   uint32_t samples = 1;
   std::span<const Varying> varyings;
 };
@@ -71,6 +89,7 @@ struct Primitive {
   Edge edges[4];                   //!< triangles use 3, rectangles (lines, points) 4
   uint8_t edgeCount = 3;
   bool frontFacing = true;
+  uint16_t layer = 0, viewport = 0;
   uint32_t primitiveId = 0;
   int32_t minX, minY, maxX, maxY;  //!< pixels that may be covered, inclusive, inside `bounds` (triangles: and the viewport, which only this limits)
   float minZ, maxZ;                //!< hold every depth that a record's plane gives at a covered sample, after bias; who clamps depth clamps these

@@ -2,6 +2,7 @@
 #include "raster/setup.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace pumice::raster {
 namespace {
@@ -46,11 +47,8 @@ uint32_t convexHull(SnappedPoint* corners, ClipVertex* polygon, uint32_t count) 
 
 }  // namespace
 
-SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertices, base::Arena& arena, std::vector<Primitive>& out,
-                           SetupCounters& counters)
-    : state_(state), vertices_(vertices), out_(out), counters_(counters), view_(state.viewport),
-      planes_(state, vertices, view_, arena) {
-  const VkViewport& v = state.viewport;
+SetupContext::Limits::Limits(const SetupState& state, const View& view) : transform(view.viewport) {
+  const VkViewport& v = view.viewport;
   const double left = std::min<double>(v.x, double(v.x) + v.width), right = std::max<double>(v.x, double(v.x) + v.width);
   const double top = std::min<double>(v.y, double(v.y) + v.height), bottom = std::max<double>(v.y, double(v.y) + v.height);
   // Clipping to the sides of the view volume leaves the pixels whose centres are in the viewport: the same as a limit on
@@ -59,24 +57,35 @@ SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertice
   auto firstCentre = [](double side) {
     return std::isnan(side) ? 0 : int64_t(std::ceil(std::clamp(side, -double(kLimit), double(kLimit)) - 0.5));
   };
-  bounds_ = intersect(state.bounds, 0, 0, kLimit / 2, kLimit / 2);
-  visible_ = intersect(bounds_, firstCentre(left), firstCentre(top), firstCentre(right), firstCentre(bottom));
+  bounds = intersect(view.bounds, 0, 0, kLimit / 2, kLimit / 2);
+  visible = intersect(bounds, firstCentre(left), firstCentre(top), firstCentre(right), firstCentre(bottom));
 
-  const bool depthClip = state.depthClipEnable && !state.depthClampEnable;
-  const uint32_t depthPlanes = depthClip ? kDepthPlanes : 0u;
-  guard_.planes |= depthPlanes;
-  guard_.left = guard_.top = -double(kGuardBand);
-  guard_.right = guard_.bottom = double(kGuardBand);
-  reject_.planes = kSidePlanes;
-  reject_.left = double(visible_.offset.x) - 1;
-  reject_.top = double(visible_.offset.y) - 1;
-  reject_.right = double(visible_.offset.x) + visible_.extent.width + 1;
-  reject_.bottom = double(visible_.offset.y) + visible_.extent.height + 1;
-  viewVolume_.planes |= depthPlanes;
-  viewVolume_.left = left;
-  viewVolume_.right = right;
-  viewVolume_.top = top;
-  viewVolume_.bottom = bottom;
+  const uint32_t depthPlanes = state.depthClipEnable ? kDepthPlanes : 0u;
+  guard.planes |= depthPlanes;
+  guard.left = guard.top = -double(kGuardBand);
+  guard.right = guard.bottom = double(kGuardBand);
+  reject.planes = kSidePlanes;
+  reject.left = double(visible.offset.x) - 1;
+  reject.top = double(visible.offset.y) - 1;
+  reject.right = double(visible.offset.x) + visible.extent.width + 1;
+  reject.bottom = double(visible.offset.y) + visible.extent.height + 1;
+  viewVolume.planes |= depthPlanes;
+  viewVolume.left = left;
+  viewVolume.right = right;
+  viewVolume.top = top;
+  viewVolume.bottom = bottom;
+}
+
+SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertices, base::Arena& arena, std::vector<Primitive>& out,
+                           SetupCounters& counters)
+    : state_(state), vertices_(vertices), out_(out), counters_(counters), choosesView_(vertices.viewportRow >= 0 || vertices.layerRow >= 0),
+      userClips_(vertices.clipDistances || vertices.cullDistances), planes_(state, vertices, arena) {
+  views_.reserve(vertices.viewportRow >= 0 ? 1 + state.furtherViews.size() : 1);
+  views_.emplace_back(state, View{state.viewport, state.bounds});
+  if (vertices.viewportRow >= 0)
+    for (const View& v : state.furtherViews) views_.emplace_back(state, v);
+  view_ = &views_[0];
+  planes_.setView(view_->transform);
 
   sampleLowX_ = sampleLowY_ = 255;
   sampleHighX_ = sampleHighY_ = 0;
@@ -88,12 +97,59 @@ SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertice
   }
 }
 
+bool SetupContext::select(uint32_t provokingSlot) {
+  const auto word = [&](int32_t row) { return std::bit_cast<uint32_t>(vertices_.rows[row][provokingSlot]); };
+  if (provokingSlot >= vertices_.vertexCount) return true;
+  if (vertices_.layerRow >= 0) {
+    const uint32_t layer = word(vertices_.layerRow);
+    if (layer >= state_.layers) return false;
+    layer_ = uint16_t(layer);
+  }
+  if (vertices_.viewportRow >= 0) {
+    const uint32_t viewport = word(vertices_.viewportRow);
+    view_ = &views_[viewport < views_.size() ? viewport : 0];   // out of range is undefined, but not out of bounds
+    planes_.setView(view_->transform);
+  }
+  return true;
+}
+
+bool SetupContext::culled(const SetupVertex* own, uint32_t count) const {
+  for (uint32_t d = 0; d < vertices_.cullDistances; d++) {
+    bool all = true;
+    for (uint32_t i = 0; i < count; i++) all &= vertices_.rows[vertices_.cullDistanceRow + int32_t(d)][own[i].slot] < 0;
+    if (all) return true;
+  }
+  return false;
+}
+
+void SetupContext::userPlanes(const SetupVertex* own, uint32_t count, ClipVolume& volume) const {
+  for (uint32_t d = 0; d < vertices_.clipDistances; d++) {
+    bool any = false;
+    for (uint32_t i = 0; i < count; i++) {
+      const double v = vertices_.rows[vertices_.clipDistanceRow + int32_t(d)][own[i].slot];
+      volume.user[d][i] = std::isnan(v) ? -1 : std::clamp(v, -0x1p100, 0x1p100);
+      any |= volume.user[d][i] < 0;
+    }
+    if (any) volume.planes |= 1u << (kClipUser + d);
+  }
+}
+
+void SetupContext::emit(Primitive& p, const PlaneSet& set) {
+  p.layer = layer_;
+  p.viewport = uint16_t(view_ - views_.data());
+  p.planes = set.planes;
+  p.flat = set.flat;
+  p.minZ = set.minZ;
+  p.maxZ = set.maxZ;
+  out_.push_back(p);
+}
+
 bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const {
   if (slot >= vertices_.vertexCount) return false;
   const double x = vertices_.rows[0][slot], y = vertices_.rows[1][slot], z = vertices_.rows[2][slot], w = vertices_.rows[3][slot];
   vertex.slot = slot;
-  vertex.clip.x = x * view_.scaleX + w * view_.offsetX;
-  vertex.clip.y = y * view_.scaleY + w * view_.offsetY;
+  vertex.clip.x = x * view_->transform.scaleX + w * view_->transform.offsetX;
+  vertex.clip.y = y * view_->transform.scaleY + w * view_->transform.offsetY;
   // Zero times anything finite is zero; NaN and infinity give NaN. (Floats cannot overflow these doubles.)
   if (!(vertex.clip.x * 0 + vertex.clip.y * 0 + z * 0 + w * 0 == 0)) return false;
   vertex.clip.z = z;
@@ -106,7 +162,7 @@ bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) con
 bool SetupContext::insideGuard(const ClipVertex& v) const {
   const double side = double(kGuardBand) * v.w;  // exact: a power of two
   return bool((v.w >= kSmallestW) & (std::fabs(v.x) <= side) & (std::fabs(v.y) <= side) &
-              (((guard_.planes & kDepthPlanes) == 0) | ((v.z >= 0) & (v.z <= v.w))));
+              (((view_->guard.planes & kDepthPlanes) == 0) | ((v.z >= 0) & (v.z <= v.w))));
 }
 
 SnappedPoint SetupContext::snapVertex(const ClipVertex& v) {
@@ -170,30 +226,50 @@ bool SetupContext::thin(const SnappedPoint& a, const SnappedPoint& b, const Snap
 
 void SetupContext::triangle(const uint32_t (&slots)[3], uint32_t provoking, uint32_t primitiveId) {
   counters_.input++;
+  if (choosesView_ && !select(slots[provoking])) {
+    counters_.culledOutside++;
+    return;
+  }
   SetupVertex own[3];
   for (uint32_t i = 0; i < 3; i++)
     if (!load(slots[i], i, own[i])) {
       counters_.clippedAway++;
       return;
     }
-  if (!(insideGuard(own[0].clip) & insideGuard(own[1].clip) & insideGuard(own[2].clip))) {
+  const bool inside = insideGuard(own[0].clip) & insideGuard(own[1].clip) & insideGuard(own[2].clip);
+  if (!inside || userClips_ || state_.polygonMode != VK_POLYGON_MODE_FILL) {
+    ClipVolume volume = view_->guard;
+    if (userClips_) {
+      if (culled(own, 3)) {
+        counters_.clippedAway++;
+        return;
+      }
+      userPlanes(own, 3, volume);
+    }
     uint32_t anyOut = 0, allOut = ~0u, allRejected = ~0u;
     for (const SetupVertex& v : own) {
-      const uint32_t code = outcode(guard_, v.clip);
+      const uint32_t code = outcode(volume, v.clip);
       anyOut |= code;
       allOut &= code;
-      allRejected &= outcode(reject_, v.clip);
+      allRejected &= outcode(view_->reject, v.clip);
     }
     if (allOut) {
       counters_.clippedAway++;
       return;
     }
-    if (allRejected) {
+    // Wide lines and points reach further than their triangle.
+    if (state_.polygonMode != VK_POLYGON_MODE_FILL) {
+      outline(own, volume, anyOut, slots[provoking], primitiveId);
+      return;
+    }
+    if (!inside && allRejected) {
       counters_.culledOutside++;
       return;
     }
-    clippedTriangle(own, anyOut, provoking, primitiveId);
-    return;
+    if (anyOut) {
+      clippedTriangle(own, volume, anyOut, slots[provoking], primitiveId);
+      return;
+    }
   }
 
   SnappedPoint corners[3];
@@ -207,7 +283,7 @@ void SetupContext::triangle(const uint32_t (&slots)[3], uint32_t provoking, uint
   if (!facing(area, p.frontFacing)) return;
   const auto [minX, maxX] = std::minmax({corners[0].x, corners[1].x, corners[2].x});
   const auto [minY, maxY] = std::minmax({corners[0].y, corners[1].y, corners[2].y});
-  if (!pixels({minX, minY, maxX, maxY}, visible_, p)) return;
+  if (!pixels({minX, minY, maxX, maxY}, view_->visible, p)) return;
   p.primitiveId = primitiveId;
   for (int i = 0; i < 3; i++) {
     const SnappedPoint &from = corners[i], &to = corners[(i + 1) % 3];
@@ -225,23 +301,20 @@ void SetupContext::triangle(const uint32_t (&slots)[3], uint32_t provoking, uint
     y[i] = useSnapped ? double(corners[i].y) / kSubpixelOne : own[i].clip.screenY();
   }
   PlaneSet set;
-  if (!planes_.fromOwnCorners(own, provoking, x, y, set)) {
+  if (!planes_.fromOwnCorners(own, slots[provoking], x, y, set)) {
     counters_.clippedAway++;
     return;
   }
   const ClipVertex polygon[3] = {own[0].clip, own[1].clip, own[2].clip};
-  planes_.finishDepth(polygon, 3, 1.0 / 128, true, set);
-  p.planes = set.planes;
-  p.flat = set.flat;
-  p.minZ = set.minZ;
-  p.maxZ = set.maxZ;
-  out_.push_back(p);
+  planes_.finishDepth(polygon, 3, 1.0 / 128, planes_.depthOffset(polygon, 3, set.planes[0]), set);
+  emit(p, set);
   counters_.output++;
 }
 
-void SetupContext::clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting, uint32_t provoking, uint32_t primitiveId) {
+void SetupContext::clippedTriangle(const SetupVertex (&own)[3], const ClipVolume& volume, uint32_t cutting, uint32_t provokingSlot,
+                                   uint32_t primitiveId) {
   ClipVertex polygon[kMaxClipVertices] = {own[0].clip, own[1].clip, own[2].clip};
-  uint32_t count = clipPolygon(guard_, cutting, polygon, 3);
+  uint32_t count = clipPolygon(volume, cutting, polygon, 3);
   if (count < 3) {
     counters_.clippedAway++;
     return;
@@ -299,7 +372,7 @@ void SetupContext::clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting
     const auto [minY, maxY] = std::minmax({triangle[0].y, triangle[1].y, triangle[2].y});
     SetupCounters parts;  // a part that is dropped is not a dropped primitive
     std::swap(parts, counters_);
-    const bool covers = pixels({minX, minY, maxX, maxY}, visible_, p);
+    const bool covers = pixels({minX, minY, maxX, maxY}, view_->visible, p);
     std::swap(parts, counters_);
     if (!covers) continue;
     for (int k = 0; k < 3; k++) p.edges[k] = makeEdge(triangle[k], triangle[(k + 1) % 3]);
@@ -319,22 +392,18 @@ void SetupContext::clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting
       const uint32_t a = apex, b = part(apex, at, 0), c = part(apex, at, 1);
       bool done = false;
       if (!thin(corners[a], corners[b], corners[c]))
-        done = planes_.fromHomogeneous(own, provoking, (double(p.minX) + p.maxX) / 2, (double(p.minY) + p.maxY) / 2, set);
+        done = planes_.fromHomogeneous(own, provokingSlot, (double(p.minX) + p.maxX) / 2, (double(p.minY) + p.maxY) / 2, set);
       if (!done) {
         auto corner = [&](uint32_t k) {
           return ScreenVertex{double(corners[k].x) / kSubpixelOne, double(corners[k].y) / kSubpixelOne, polygon[k]};
         };
         const ScreenVertex three[3] = {corner(a), corner(b), corner(c)};
-        done = planes_.fromCorners(own, provoking, three, set);
+        done = planes_.fromCorners(own, provokingSlot, three, set);
       }
       if (!done) break;
-      planes_.finishDepth(polygon, count, 1.0 / 128, true, set);
+      planes_.finishDepth(polygon, count, 1.0 / 128, planes_.depthOffset(polygon, count, set.planes[0]), set);
     }
-    p.planes = set.planes;
-    p.flat = set.flat;
-    p.minZ = set.minZ;
-    p.maxZ = set.maxZ;
-    out_.push_back(p);
+    emit(p, set);
     emitted++;
   }
   if (emitted)

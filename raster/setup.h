@@ -43,12 +43,40 @@ class SetupContext {
   struct Box {
     int64_t minX, minY, maxX, maxY;  // 1/256 pixels
   };
+  //! What follows from one viewport and its bounds.
+  struct Limits {
+    Limits(const SetupState& state, const View& view);
+    ViewTransform transform;
+    VkRect2D bounds;          // the view's bounds with sane extents
+    VkRect2D visible;         // bounds and the viewport: triangles end there
+    ClipVolume guard;         // planes triangles are cut by
+    ClipVolume reject;        // sides of `visible` with a margin: what is wholly outside of one is dropped
+    ClipVolume viewVolume;    // the view volume of the specification, for lines and points
+  };
+  //! What a whole primitive has, however it is drawn.
+  struct Origin {
+    uint32_t provokingSlot, primitiveId;
+    bool frontFacing = true;
+    double depthOffset = 0;   // from the depth bias
+    bool ofPolygon = false;   // cull distances are already decided
+  };
 
+  //! Takes the viewport and layer of the provoking vertex; false when there is no such layer.
+  bool select(uint32_t provokingSlot);
   bool load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const;
+  //! Clip distances of the vertices into a volume.
+  void userPlanes(const SetupVertex* own, uint32_t count, ClipVolume& volume) const;
+  //! A cull distance drops the primitive.
+  bool culled(const SetupVertex* own, uint32_t count) const;
   //! outcode(guard_, v) == 0, for the many.
   bool insideGuard(const ClipVertex& v) const;
   static SnappedPoint snapVertex(const ClipVertex& v);
-  void clippedTriangle(const SetupVertex (&own)[3], uint32_t cutting, uint32_t provoking, uint32_t primitiveId);
+  void clippedTriangle(const SetupVertex (&own)[3], const ClipVolume& volume, uint32_t cutting, uint32_t provokingSlot, uint32_t primitiveId);
+  //! A triangle as its edges or corners (polygon modes LINE and POINT).
+  void outline(const SetupVertex (&own)[3], const ClipVolume& volume, uint32_t cutting, uint32_t provokingSlot, uint32_t primitiveId);
+  void segment(const SetupVertex (&own)[2], const Origin& origin);
+  void square(const SetupVertex& own, const Origin& origin);
+  void emit(Primitive& primitive, const PlaneSet& set);
   //! False, and counted, when the face is culled.
   bool facing(int64_t area, bool& front);
   //! Pixels with a sample in the box, limited to `limits`. False, and counted, when there are none.
@@ -60,13 +88,11 @@ class SetupContext {
   const VertexOutputs& vertices_;
   std::vector<Primitive>& out_;
   SetupCounters& counters_;
-  ViewTransform view_;
+  std::vector<Limits> views_;
+  const Limits* view_;      // of the primitive at hand
+  uint16_t layer_ = 0;
+  bool choosesView_, userClips_;
   PlaneBuilder planes_;
-  VkRect2D bounds_;         // the state's bounds with sane extents
-  VkRect2D visible_;        // bounds_ and the viewport: triangles end there
-  ClipVolume guard_;        // planes triangles are cut by
-  ClipVolume reject_;       // sides of `visible_` with a margin: what is wholly outside of one is dropped
-  ClipVolume viewVolume_;   // the view volume of the specification, for lines and points
   int sampleLowX_, sampleLowY_, sampleHighX_, sampleHighY_;  // range of sample positions in a pixel, 1/256
 };
 

@@ -12,9 +12,11 @@ constexpr uint32_t kTileSize = 64;   //!< pixels; a multiple of the 4x4 block, d
 struct TileGrid {
   uint32_t tilesX = 0, tilesY = 0;
   TileGrid() = default;
-  TileGrid(uint32_t width, uint32_t height)
-      : tilesX((width + kTileSize - 1) / kTileSize), tilesY((height + kTileSize - 1) / kTileSize) {}
-  uint32_t count() const { return tilesX * tilesY; }
+  uint32_t layers = 1;
+  TileGrid(uint32_t width, uint32_t height, uint32_t layerCount = 1)
+      : tilesX((width + kTileSize - 1) / kTileSize), tilesY((height + kTileSize - 1) / kTileSize), layers(layerCount) {}
+  uint32_t count() const { return tilesX * tilesY * layers; }
+  bool operator==(const TileGrid&) const = default;
 };
 
 //! One entry of a tile's bin: draw and primitive, in API order.
@@ -57,10 +59,15 @@ struct RecordHeader {
   uint32_t frontFacing = 0;   //!< all ones or zero
   uint32_t primitiveId = 0;
   float cellX = 0, cellY = 0; //!< framebuffer coordinates of the cell's corner
+  uint32_t layer = 0, viewport = 0;
+  float minDepth = 0, maxDepth = 1;   //!< of that viewport
 };
 constexpr uint32_t kRecordPlanes = sizeof(RecordHeader);
 constexpr uint32_t recordBytes(uint32_t varyings) { return kRecordPlanes + 12 * (2 + varyings); }
+//! Minimum and maximum depth of a viewport.
+struct DepthRange { float low = 0, high = 1; };
 //! Fills a record for the grid cell at (cellX, cellY) pixels. Sums are formed in double and rounded once.
-void fillRecord(const Primitive& primitive, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record);
+void fillRecord(const Primitive& primitive, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
+                const DepthRange& depth = {});
 
 }  // namespace pumice::raster

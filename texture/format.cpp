@@ -9,7 +9,7 @@ namespace {
 // What the rooms above implement; capability queries follow these and the table alone.
 constexpr bool kSampleCompressed = true;       // block decoding: texture/block.h
 constexpr bool kStorage = true;                // image reads, writes and atomics in expandImage()
-constexpr VkSampleCountFlags kSampleCounts = VK_SAMPLE_COUNT_1_BIT | VK_SAMPLE_COUNT_4_BIT;
+constexpr VkSampleCountFlags kSampleCounts = VK_SAMPLE_COUNT_1_BIT | VK_SAMPLE_COUNT_2_BIT | VK_SAMPLE_COUNT_4_BIT | VK_SAMPLE_COUNT_8_BIT | VK_SAMPLE_COUNT_16_BIT;
 
 struct NumericName {
   std::string_view text;

@@ -4,7 +4,7 @@
 // element's place inside its block being quad-major:
 //     index = (y>>1 & 1) * 8 + (x>>1 & 1) * 4 + (y & 1) * 2 + (x & 1)
 // so that 16 pixels of a 32-bit format are one 64-byte line and a quad's four pixels are adjacent. Blocks run in
-// rows over the whole level. 1D images and linear tiling use plain rows. Depth, stencil and each sample are
+// rows over the whole level. 1D images that are no attachments and linear tiling use plain rows. Depth, stencil and each sample are
 // separate planes. The order is plane, layer, level: all levels of one layer and plane are together.
 #pragma once
 

@@ -16,7 +16,7 @@ TEST(Create, UnsupportedStatesNameThemselves) {
   Scene s(8, 8);
   EXPECT_EQ(reason(s.state()), "");
   GraphicsState state = s.state();
-  state.polygonMode = VK_POLYGON_MODE_LINE;
+  state.polygonMode = VkPolygonMode(7);
   EXPECT_NE(reason(state).find("polygon mode"), std::string::npos);
   state = s.state();
   state.topology = VK_PRIMITIVE_TOPOLOGY_PATCH_LIST;

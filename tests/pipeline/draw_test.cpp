@@ -42,7 +42,7 @@ TEST(Draw, TriangleCoversExactlyThePixelsWhoseCentresAreInsideAndInterpolatesCol
     }
   EXPECT_GT(covered, 2000);
   EXPECT_EQ(s.executor.counters().draws, 1u);
-  EXPECT_GE(s.executor.counters().fragmentsShaded, uint64_t(covered));
+  EXPECT_GE(s.executor.counters().fragmentsCovered, uint64_t(covered));
 }
 
 TEST(Draw, PerspectiveIsCorrected) {

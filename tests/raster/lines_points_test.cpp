@@ -15,6 +15,7 @@ TEST(Lines, EveryColumnOfAFlatLineGetsOnePixelInEitherDirection) {
   std::mt19937 random(41);
   for (int i = 0; i < 300; i++) {
     Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_LIST);
+    draw.state.lineMode = LineMode::Bresenham;
     const bool steep = i & 1, back = i & 2;
     const double from = 4.25, to = 59.75, a = 8 + random() % 40, b = a + double(random() % 8);
     const std::array<double, 2> one{from, a}, two{to, b};
@@ -34,6 +35,7 @@ TEST(Lines, EveryColumnOfAFlatLineGetsOnePixelInEitherDirection) {
 
 TEST(Lines, StripsDrawTheirInnerVerticesOnce) {
   Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_STRIP);
+  draw.state.lineMode = LineMode::Bresenham;
   draw.addPixel(4.5, 10.5);
   draw.addPixel(20.5, 10.5);
   draw.addPixel(40.5, 10.5);
