@@ -107,6 +107,10 @@ void Translator::appendIo(uint32_t typeId, const IoCursor& cursor, std::vector<I
   variable.builtIn = builtIn;
   variable.interpolation = cursor.interpolation;
   variable.sampling = cursor.sampling;
+  // Being in the interface is enough, read or not (Vulkan specification, "Sample Shading").
+  const auto is = [&](spv::BuiltIn which) { return builtIn && variable.location == uint32_t(which); };
+  if (!output && (variable.sampling == SampleLocation::Sample || is(spv::BuiltIn::SampleId) || is(spv::BuiltIn::SamplePosition)))
+    shader.usesSampleRate = true;
 
   // Built-in inputs are not listed among the inputs: Builtin operations name them.
   uint32_t number = ~0u;
@@ -441,11 +445,7 @@ void Translator::finishInterface() {
     uint64_t number = (inst.op == Op::ShaderInput ? inputNumber : outputNumber)[inst.imm >> 32];
     inst.imm = number << 32 | uint32_t(inst.imm);
   }
-  for (const InterfaceVariable& input : shader.inputs)
-    if (input.sampling == SampleLocation::Sample) shader.usesSampleRate = true;
   shader.inputBuiltIns.assign(builtIns.begin(), builtIns.end());
-  if (builtIns.count(uint32_t(spv::BuiltIn::SampleId)) || builtIns.count(uint32_t(spv::BuiltIn::SamplePosition)))
-    shader.usesSampleRate = true;
   for (const InterfaceVariable& output : shader.outputs)
     if (output.builtIn && output.location == uint32_t(spv::BuiltIn::FragDepth) && output.usedComponents)
       shader.writesDepth = true;

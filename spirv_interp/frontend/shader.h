@@ -68,7 +68,7 @@ struct Shader {
   bool writesMemory = false;
   bool earlyFragmentTests = false;
   bool writesDepth = false;        //!< DepthReplacing
-  bool usesSampleRate = false;     //!< reads SampleId/SamplePosition or sample-interpolated inputs
+  bool usesSampleRate = false;     //!< SampleId, SamplePosition or a sample-interpolated input is in the interface
   bool usesBarrier = false;
   std::vector<std::string> sources;
 };

@@ -238,6 +238,18 @@ void main() {
   EXPECT_EQ(indices.size(), 2u);
 }
 
+// Vulkan specification, "Sample Shading": what the interface holds decides, not what is left of the code.
+TEST(Coverage, UnusedSampleNumberStillAsksForSampleShading) {
+  auto shader = translated(GlslStage::Fragment, R"(
+layout(location=0) out vec4 r;
+void main() {
+  int unused = gl_SampleID;
+  r = vec4(1);
+})");
+  ASSERT_TRUE(shader);
+  EXPECT_TRUE(shader->usesSampleRate);
+}
+
 TEST(Coverage, InterpolationOfADynamicallyIndexedInput) {
   auto shader = translated(GlslStage::Fragment, R"(
 layout(location=0) in vec2 c[3];
