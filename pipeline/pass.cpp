@@ -130,7 +130,8 @@ void PassExecutor::Impl::flush() {
     for (uint32_t a = 0; a < pass.colorCount; ++a)
       clears |= pass.color[a].memory.layout && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
     const Attachment& d = pass.depthStencil;
-    clears |= d.memory.layout && (d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR || d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR);
+    clears |= depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
+    clears |= stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
   }
   std::vector<uint32_t> work;
   const raster::TileGrid grid = bins->grid();
