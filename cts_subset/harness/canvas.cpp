@@ -154,10 +154,11 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   assembly.sType = VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO;
   assembly.topology = spec.topology;
   assembly.primitiveRestartEnable = spec.primitiveRestart;
-  VkPipelineViewportStateCreateInfo viewport{};
+  PipelineStates states;
+  VkPipelineViewportStateCreateInfo& viewport = states.viewport;
   viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
   viewport.viewportCount = viewport.scissorCount = 1;
-  VkPipelineRasterizationStateCreateInfo raster{};
+  VkPipelineRasterizationStateCreateInfo& raster = states.raster;
   raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
   raster.polygonMode = VK_POLYGON_MODE_FILL;
   raster.cullMode = spec.cull;
@@ -168,10 +169,10 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
     raster.depthBiasConstantFactor = spec.depthBias->x;
     raster.depthBiasSlopeFactor = spec.depthBias->y;
   }
-  VkPipelineMultisampleStateCreateInfo multisample{};
+  VkPipelineMultisampleStateCreateInfo& multisample = states.multisample;
   multisample.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
   multisample.rasterizationSamples = samples;
-  VkPipelineDepthStencilStateCreateInfo depthState{};
+  VkPipelineDepthStencilStateCreateInfo& depthState = states.depth;
   depthState.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
   depthState.depthTestEnable = spec.depthTest;
   depthState.depthWriteEnable = spec.depthWrite;
@@ -184,10 +185,12 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   VkPipelineColorBlendAttachmentState attachment{};
   if (spec.blend) attachment = *spec.blend;
   attachment.colorWriteMask = spec.writeMask;
-  VkPipelineColorBlendStateCreateInfo blend{};
+  VkPipelineColorBlendStateCreateInfo& blend = states.blend;
   blend.sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO;
   blend.attachmentCount = 1;
   blend.pAttachments = &attachment;
+  states.renderPass = renderPass;
+  if (spec.adjust) spec.adjust(states);
   const VkDynamicState kDynamic[] = {VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR};
   VkPipelineDynamicStateCreateInfo dynamic{};
   dynamic.sType = VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO;
@@ -207,7 +210,8 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   info.pColorBlendState = &blend;
   info.pDynamicState = &dynamic;
   info.layout = made.layout;
-  info.renderPass = renderPass;
+  info.renderPass = states.renderPass;
+  info.subpass = states.subpass;
   VkResult result = vkCreateGraphicsPipelines(v, VK_NULL_HANDLE, 1, &info, nullptr, &made.handle);
   if (result == VK_SUCCESS) onDestroy([v, p = made.handle] { vkDestroyPipeline(v, p, nullptr); });
   return result;

@@ -7,6 +7,7 @@
 
 #include <glm/glm.hpp>
 
+#include <functional>
 #include <optional>
 
 namespace pumice::cts {
@@ -23,6 +24,17 @@ extern const char* const kPassVertex;
 extern const char* const kColourFragment;
 // The attribute with affine (noperspective) interpolation: the pair for broken variants.
 extern const char* const kPassVertexAffine;
+
+// The structures a pipeline is made from, for scenes that need more than PipelineSpec names.
+struct PipelineStates {
+  VkPipelineViewportStateCreateInfo viewport{};
+  VkPipelineRasterizationStateCreateInfo raster{};
+  VkPipelineMultisampleStateCreateInfo multisample{};
+  VkPipelineDepthStencilStateCreateInfo depth{};
+  VkPipelineColorBlendStateCreateInfo blend{};
+  VkRenderPass renderPass = VK_NULL_HANDLE;  // the canvas's own, unless changed
+  uint32_t subpass = 0;
+};
 
 struct PipelineSpec {
   std::string vertex = kPassVertex;
@@ -44,6 +56,8 @@ struct PipelineSpec {
   std::vector<VkVertexInputBindingDescription> bindings;
   std::vector<VkVertexInputAttributeDescription> attributes;
   const VkSpecializationInfo* fragmentSpecialization = nullptr;
+  // Called last, for changes.
+  std::function<void(PipelineStates&)> adjust;
 };
 
 class Canvas : public Workspace {

@@ -37,5 +37,10 @@ void addShaderScenes(SceneList& scenes);
 void addInputScenes(SceneList& scenes);
 void addHeavyScenes(SceneList& scenes);
 void addMultisampleScenes(SceneList& scenes);
+void addPrimitiveScenes(SceneList& scenes);
+void addOutputScenes(SceneList& scenes);
+void addSampleRateScenes(SceneList& scenes);
+void addPassScenes(SceneList& scenes);
+void addTechniqueScenes(SceneList& scenes);
 
 }  // namespace pumice::cts

@@ -214,7 +214,13 @@ constexpr const char* kDeviceExtensions[] = {VK_KHR_PUSH_DESCRIPTOR_EXTENSION_NA
                                              VK_EXT_SAMPLER_FILTER_MINMAX_EXTENSION_NAME,
                                              VK_KHR_SAMPLER_MIRROR_CLAMP_TO_EDGE_EXTENSION_NAME,
                                              VK_EXT_CUSTOM_BORDER_COLOR_EXTENSION_NAME,
-                                             VK_EXT_4444_FORMATS_EXTENSION_NAME};
+                                             VK_EXT_4444_FORMATS_EXTENSION_NAME,
+                                             VK_KHR_SHADER_DRAW_PARAMETERS_EXTENSION_NAME,
+                                             VK_KHR_DRAW_INDIRECT_COUNT_EXTENSION_NAME,
+                                             VK_EXT_SHADER_VIEWPORT_INDEX_LAYER_EXTENSION_NAME,
+                                             VK_EXT_PROVOKING_VERTEX_EXTENSION_NAME,
+                                             VK_EXT_DEPTH_CLIP_ENABLE_EXTENSION_NAME,
+                                             VK_EXT_LINE_RASTERIZATION_EXTENSION_NAME};
 
 std::vector<std::string> availableExtensions(VkPhysicalDevice physical) {
   uint32_t count = 0;
@@ -274,6 +280,9 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
     append(multiDraw, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MULTI_DRAW_FEATURES_EXT, VK_EXT_MULTI_DRAW_EXTENSION_NAME);
     append(divisor, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VERTEX_ATTRIBUTE_DIVISOR_FEATURES_EXT, VK_EXT_VERTEX_ATTRIBUTE_DIVISOR_EXTENSION_NAME);
     append(atomicFloat, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_ATOMIC_FLOAT_FEATURES_EXT, VK_EXT_SHADER_ATOMIC_FLOAT_EXTENSION_NAME);
+    append(provokingVertex, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROVOKING_VERTEX_FEATURES_EXT, VK_EXT_PROVOKING_VERTEX_EXTENSION_NAME);
+    append(depthClip, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_DEPTH_CLIP_ENABLE_FEATURES_EXT, VK_EXT_DEPTH_CLIP_ENABLE_EXTENSION_NAME);
+    append(lines, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_LINE_RASTERIZATION_FEATURES_EXT, VK_EXT_LINE_RASTERIZATION_EXTENSION_NAME);
     vkGetPhysicalDeviceFeatures2(physical, &all);
   }
   all.features = features;

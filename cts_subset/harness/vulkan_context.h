@@ -90,6 +90,10 @@ class Device {
   VkPhysicalDeviceVertexAttributeDivisorFeaturesEXT divisor{};
   VkPhysicalDeviceShaderAtomicFloatFeaturesEXT atomicFloat{};
   std::vector<std::string> extensions;  // enabled
+  // All false without the extension.
+  VkPhysicalDeviceProvokingVertexFeaturesEXT provokingVertex{};
+  VkPhysicalDeviceDepthClipEnableFeaturesEXT depthClip{};
+  VkPhysicalDeviceLineRasterizationFeaturesEXT lines{};
   VkPhysicalDeviceMemoryProperties memory{};
 
   std::string name() const { return properties.deviceName; }

@@ -138,8 +138,10 @@ DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
   std::vector<VkDescriptorSetLayoutBinding> layout;
   std::vector<VkDescriptorPoolSize> sizes;
   for (uint32_t i = 0; i < bindings.size(); ++i) {
+    VkShaderStageFlags stages = VK_SHADER_STAGE_FRAGMENT_BIT;
+    if (bindings[i].type != VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT) stages |= VK_SHADER_STAGE_VERTEX_BIT;
     layout.push_back(
-        {i, bindings[i].type, 1, VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, nullptr});
+        {i, bindings[i].type, 1, stages, nullptr});
     sizes.push_back({bindings[i].type, 1});
   }
   VkDescriptorSetLayoutCreateInfo layoutInfo{};

@@ -14,6 +14,11 @@ const std::vector<Scene>& allScenes() {
     addInputScenes(scenes);
     addHeavyScenes(scenes);
     addMultisampleScenes(scenes);
+    addPrimitiveScenes(scenes);
+    addOutputScenes(scenes);
+    addSampleRateScenes(scenes);
+    addPassScenes(scenes);
+    addTechniqueScenes(scenes);
     return scenes;
   }();
   return kScenes;
