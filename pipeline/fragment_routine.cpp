@@ -47,7 +47,12 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
     const auto& v = shader->outputs[imm >> 32];
     if (v.builtIn && v.location == kSampleMask) t.writesSampleMask = true;
   }
-  t.early = shader->earlyFragmentTests || !(shader->mayDiscard || shader->writesDepth || shader->writesMemory || state.alphaToCoverage || t.writesSampleMask);
+  // What a test writes must not be there yet when the shader reads that attachment.
+  const bool readsAttachments = std::any_of(shader->resources.begin(), shader->resources.end(), [](const frontend::Resource& r) {
+    return r.kind == frontend::ResourceKind::InputAttachment;
+  });
+  t.early = shader->earlyFragmentTests || !(shader->mayDiscard || shader->writesDepth || shader->writesMemory || readsAttachments ||
+                                            state.alphaToCoverage || t.writesSampleMask);
   t.needsHelpers = shader->usesDerivatives;
   // A fraction of the samples may be shaded; all of them always satisfies it.
   t.perSample = state.samples > 1 && (shader->usesSampleRate || (state.sampleShading && state.minSampleShading * float(state.samples) > 1));
