@@ -151,4 +151,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers2(VkCommandBuffer buffer, uint3
   }
 }
 
+// Stippled lines are not supported, so nothing reads the pattern; the command belongs to the extension all the same.
+VKAPI_ATTR void VKAPI_CALL vkCmdSetLineStippleEXT(VkCommandBuffer, uint32_t, uint16_t) {}
+
 }  // namespace pumice::icd
