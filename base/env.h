@@ -21,7 +21,7 @@ namespace pumice::base {
   X(Engine, "PUMICE_ENGINE", "auto, interp, jit", "auto",                                         \
     "what runs routines: the interpreter, or machine code made for them (where that is possible)") \
   X(PerfMap, "PUMICE_PERF_MAP", "1 or 0", "0", "write /tmp/perf-PID.map, so that perf names the routines in its reports") \
-  X(Dump, "PUMICE_DUMP", "ir, asm or both", "nothing", "print routines as they are compiled")      \
+  X(Dump, "PUMICE_DUMP", "ir, asm or ir,asm", "nothing", "print routines as they are compiled")      \
   X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did") \
   X(Check, "PUMICE_CHECK", "bounds, nan, uninit; commas between", "nothing",                      \
     "report what shaders do wrong, with line and invocation (slow)")                              \

@@ -49,6 +49,7 @@ struct Execution {
   // Occlusion
   Query* occlusion = nullptr;                 //!< begun, not ended
   std::vector<Query*> finishing;              //!< ended in the pass that is open
+  std::vector<Query*> timestamps;             //!< to be written when the draws before them have run: with the pass
 
   void beginPass(const pipeline::PassBegin& begin);
   void endPass();

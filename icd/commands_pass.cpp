@@ -9,6 +9,10 @@
 
 namespace pumice::icd {
 
+static uint64_t nanoseconds() {
+  return uint64_t(std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count());
+}
+
 void Execution::beginPass(const pipeline::PassBegin& begin) {
   pass.begin(begin);
   insidePass = true;
@@ -20,11 +24,14 @@ void Execution::endPass() {
   if (occlusion) pass.endOcclusion();
   pass.end();
   insidePass = false;
-  if (finishing.empty()) return;
+  if (finishing.empty() && timestamps.empty()) return;
+  const uint64_t now = nanoseconds();
   hub.update([&] {
     for (Query* q : finishing) q->available = true;
+    for (Query* q : timestamps) *q = {now, true};
   });
   finishing.clear();
+  timestamps.clear();
 }
 
 void Execution::beginScope(uint32_t mask) {
@@ -193,17 +200,22 @@ VKAPI_ATTR void VKAPI_CALL vkCmdEndQuery(VkCommandBuffer b, VkQueryPool pool, ui
   });
 }
 
-static void recordTimestamp(VkCommandBuffer b, VkQueryPool pool, uint32_t index) {
-  from(b)->record([first = &from(pool)->queries[index]](Execution& e) {
+static void recordTimestamp(VkCommandBuffer b, VkQueryPool pool, uint32_t index, bool top) {
+  from(b)->record([first = &from(pool)->queries[index], top](Execution& e) {
     Query* query = first + e.queryOffset();
-    auto now = std::chrono::steady_clock::now().time_since_epoch();
-    uint64_t value = uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(now).count());
-    e.hub.update([&] { *query = {value, true}; });
+    if (e.insidePass && !top)
+      e.timestamps.push_back(query);
+    else
+      e.hub.update([&] { *query = {nanoseconds(), true}; });
   });
 }
 
-VKAPI_ATTR void VKAPI_CALL vkCmdWriteTimestamp(VkCommandBuffer b, VkPipelineStageFlagBits, VkQueryPool pool, uint32_t index) { recordTimestamp(b, pool, index); }
-VKAPI_ATTR void VKAPI_CALL vkCmdWriteTimestamp2(VkCommandBuffer b, VkPipelineStageFlags2, VkQueryPool pool, uint32_t index) { recordTimestamp(b, pool, index); }
+VKAPI_ATTR void VKAPI_CALL vkCmdWriteTimestamp(VkCommandBuffer b, VkPipelineStageFlagBits stage, VkQueryPool pool, uint32_t index) {
+  recordTimestamp(b, pool, index, stage == VK_PIPELINE_STAGE_TOP_OF_PIPE_BIT);
+}
+VKAPI_ATTR void VKAPI_CALL vkCmdWriteTimestamp2(VkCommandBuffer b, VkPipelineStageFlags2 stage, VkQueryPool pool, uint32_t index) {
+  recordTimestamp(b, pool, index, stage == VK_PIPELINE_STAGE_2_NONE || stage == VK_PIPELINE_STAGE_2_TOP_OF_PIPE_BIT);
+}
 
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyQueryPoolResults(VkCommandBuffer b, VkQueryPool pool, uint32_t first, uint32_t count, VkBuffer dst, VkDeviceSize offset, VkDeviceSize stride,
                                                      VkQueryResultFlags flags) {

@@ -26,7 +26,15 @@ struct Device : Dispatchable {
   FeatureSet features;       //!< enabled
   base::ThreadPool pool;
   Queue queue;
-  std::atomic<uint64_t> allocatedBytes{0};
+  //! Counts bytes against the heap; false when it has not as many left. Given back by release().
+  bool reserve(uint64_t size) {
+    const uint64_t heap = physical.memory.memoryHeaps[0].size;
+    if (size > heap) return false;   // and the sum below cannot wrap
+    if (physical.allocatedBytes.fetch_add(size) <= heap - size) return true;
+    release(size);
+    return false;
+  }
+  void release(uint64_t size) { physical.allocatedBytes -= size; }
 
   HostAllocator allocatorFor(const VkAllocationCallbacks* callbacks) const { return allocator.orElse(callbacks); }
   //! New object in object scope; null when out of host memory.

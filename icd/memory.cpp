@@ -26,28 +26,21 @@ VkMemoryRequirements bufferRequirements(uint64_t size) { return {(size + 63) & ~
 VKAPI_ATTR VkResult VKAPI_CALL vkAllocateMemory(VkDevice handle, const VkMemoryAllocateInfo* info, const VkAllocationCallbacks* callbacks, VkDeviceMemory* out) {
   Device& device = *from(handle);
   uint64_t size = info->allocationSize;
-  uint64_t heap = device.physical.memory.memoryHeaps[0].size;
-  if (size > heap) return VK_ERROR_OUT_OF_DEVICE_MEMORY;   // and the sum below cannot wrap
-  uint64_t before = device.allocatedBytes.fetch_add(size);
-  if (before > heap - size) {
-    device.allocatedBytes -= size;
-    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
-  }
+  if (!device.reserve(size)) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   auto* memory = device.make<DeviceMemory>(callbacks);
   if (!memory) {
-    device.allocatedBytes -= size;
+    device.release(size);
     return VK_ERROR_OUT_OF_HOST_MEMORY;
   }
   // Pages come zeroed and only when touched: a large allocation that is never used costs nothing.
   void* pages = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (pages == MAP_FAILED) {
     device.destroy(callbacks, memory);
-    device.allocatedBytes -= size;
+    device.release(size);
     return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   }
   memory->data = static_cast<std::byte*>(pages);
   memory->size = size;
-  device.physical.allocatedBytes += size;
   *out = to<VkDeviceMemory>(memory);
   return VK_SUCCESS;
 }
@@ -55,8 +48,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkAllocateMemory(VkDevice handle, const VkMemoryA
 VKAPI_ATTR void VKAPI_CALL vkFreeMemory(VkDevice handle, VkDeviceMemory memoryHandle, const VkAllocationCallbacks* callbacks) {
   if (auto* memory = from(memoryHandle)) {
     munmap(memory->data, memory->size);
-    from(handle)->allocatedBytes -= memory->size;
-    from(handle)->physical.allocatedBytes -= memory->size;
+    from(handle)->release(memory->size);
     from(handle)->destroy(callbacks, memory);
   }
 }

@@ -720,6 +720,47 @@ TEST_P(ApiFeatures, BudgetPrioritiesAndCalibratedTimestamps) {
   }
 }
 
+// A timestamp of the bottom of the pipe inside a pass comes after the draws before it, whenever they run.
+TEST_P(ApiFeatures, TimestampsInAPassWaitForItsDraws) {
+  PUMICE_NEED_FEATURE(device().vulkan13.dynamicRendering);
+  Image image = target(kUint);
+  VkImageView view = work->view(image);
+  VkPipelineLayout layout = pushLayout();
+  GraphicsSpec spec;
+  spec.colors = {kUint};
+  spec.fragment = R"(#version 460
+layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) out uvec4 color;
+void main() {
+  float x = gl_FragCoord.x;
+  for (int i = 0; i < 200000; i++) x = sin(x + given.x);
+  color = uvec4(x * 9);
+})";
+  VkPipeline slow = makeGraphics(*work, layout, spec);
+  VkQueryPoolCreateInfo queryInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 3, 0};
+  VkQueryPool queries = VK_NULL_HANDLE;
+  check(vkCreateQueryPool(handle(), &queryInfo, nullptr, &queries), "vkCreateQueryPool");
+  work->onDestroy([d = handle(), queries] { vkDestroyQueryPool(d, queries, nullptr); });
+  device().run([&](VkCommandBuffer c) {
+    vkCmdResetQueryPool(c, queries, 0, 3);
+    vkCmdWriteTimestamp(c, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 0);
+    std::vector<VkRenderingAttachmentInfo> attachments{rendered(view, VK_ATTACHMENT_LOAD_OP_CLEAR, {})};
+    VkRenderingInfo info = renderingInfo(kSize, attachments);
+    vkCmdBeginRendering(c, &info);
+    wholeTarget(c, kSize);
+    vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_GRAPHICS, slow);
+    push(c, layout, 1, 0, 0, 0.5f);
+    vkCmdDraw(c, 3, 1, 0, 0);
+    vkCmdWriteTimestamp(c, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 1);
+    vkCmdEndRendering(c);
+    vkCmdWriteTimestamp(c, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 2);
+  });
+  uint64_t t[3]{};
+  check(vkGetQueryPoolResults(handle(), queries, 0, 3, sizeof t, t, 8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT), "vkGetQueryPoolResults");
+  EXPECT_LE(t[1], t[2]);
+  EXPECT_GT(t[1] - t[0], (t[2] - t[0]) / 2) << "inside " << t[1] - t[0] << ", after the pass " << t[2] - t[0];
+}
+
 TEST_P(ApiFeatures, LoadAndStoreNothing) {
   PUMICE_NEED_FEATURE(device().has(VK_EXT_LOAD_STORE_OP_NONE_EXTENSION_NAME) && device().vulkan13.dynamicRendering);
   Image image = target(kUint);

@@ -32,6 +32,7 @@ struct Swapchain {
 
   ~Swapchain() {
     if (memory) munmap(memory, memoryBytes);
+    device->release(memoryBytes);
   }
   //! What the window is now, as far as it is known without asking.
   void observe(SyncHub& hub);
@@ -104,7 +105,9 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
   // MAILBOX wants one image to be shown, one queued and one to draw.
   uint32_t count = std::max(info.minImageCount, info.presentMode == VK_PRESENT_MODE_MAILBOX_KHR ? 3u : 2u);
   s.imageBytes = (layout.size + 4095) & ~uint64_t(4095);
-  s.memoryBytes = s.imageBytes * count;
+  uint64_t bytes = 0;
+  if (__builtin_mul_overflow(s.imageBytes, uint64_t(count), &bytes) || !s.device->reserve(bytes)) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  s.memoryBytes = bytes;
   void* memory = mmap(nullptr, s.memoryBytes, PROT_READ | PROT_WRITE,
                       MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;

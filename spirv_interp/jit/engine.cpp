@@ -22,8 +22,9 @@ struct Settings {
   bool native = wantsNative(), dumpIr = false, dumpCode = false;
   Settings() {
     const std::string dump = base::envString(base::EnvVar::Dump).value_or("");
-    dumpIr = dump.find("ir") != std::string::npos;
-    dumpCode = dump.find("asm") != std::string::npos;
+    dumpIr = dump == "ir" || dump == "ir,asm" || dump == "asm,ir";
+    dumpCode = dump == "asm" || dump == "ir,asm" || dump == "asm,ir";
+    if (!dump.empty() && !dumpIr && !dumpCode) base::logError("PUMICE_DUMP=%s is none of ir, asm and ir,asm", dump.c_str());
   }
 };
 

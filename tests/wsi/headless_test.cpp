@@ -34,5 +34,18 @@ TEST(HeadlessSurface, TakesFramesOfAnySizeInEveryMode) {
   vkDestroySurfaceKHR(client.instance, surface, nullptr);
 }
 
+TEST(HeadlessSurface, ImagesOfASwapchainCountAgainstTheHeap) {
+  Client client({VK_EXT_HEADLESS_SURFACE_EXTENSION_NAME});
+  VkHeadlessSurfaceCreateInfoEXT info{VK_STRUCTURE_TYPE_HEADLESS_SURFACE_CREATE_INFO_EXT, nullptr, 0};
+  VkSurfaceKHR surface = VK_NULL_HANDLE;
+  auto create = reinterpret_cast<PFN_vkCreateHeadlessSurfaceEXT>(vkGetInstanceProcAddr(client.instance, "vkCreateHeadlessSurfaceEXT"));
+  ASSERT_EQ(create(client.instance, &info, nullptr, &surface), VK_SUCCESS);
+  ChainOptions options;
+  options.extent = {16384, 16384};
+  options.images = 100'000;
+  EXPECT_EQ(Chain(client, surface, options).created, VK_ERROR_OUT_OF_DEVICE_MEMORY);
+  vkDestroySurfaceKHR(client.instance, surface, nullptr);
+}
+
 }  // namespace
 }  // namespace pumice::test
