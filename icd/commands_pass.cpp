@@ -1,17 +1,12 @@
 // Render passes, queries, events and barriers in command buffers.
 #include <algorithm>
 #include <bit>
-#include <chrono>
 #include <cstring>
 
 #include "entrypoints.h"
 #include "icd/command_buffer.h"
 
 namespace pumice::icd {
-
-static uint64_t nanoseconds() {
-  return uint64_t(std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count());
-}
 
 void Execution::beginPass(const pipeline::PassBegin& begin) {
   pass.begin(begin);
@@ -25,7 +20,7 @@ void Execution::endPass() {
   pass.end();
   insidePass = false;
   if (finishing.empty() && timestamps.empty()) return;
-  const uint64_t now = nanoseconds();
+  const uint64_t now = clockNanoseconds();
   hub.update([&] {
     for (Query* q : finishing) q->available = true;
     for (Query* q : timestamps) *q = {now, true};
@@ -206,7 +201,7 @@ static void recordTimestamp(VkCommandBuffer b, VkQueryPool pool, uint32_t index,
     if (e.insidePass && !top)
       e.timestamps.push_back(query);
     else
-      e.hub.update([&] { *query = {nanoseconds(), true}; });
+      e.hub.update([&] { *query = {clockNanoseconds(), true}; });
   });
 }
 
@@ -228,8 +223,8 @@ VKAPI_ATTR void VKAPI_CALL vkCmdCopyQueryPoolResults(VkCommandBuffer b, VkQueryP
   });
 }
 
-// --- events and barriers. Commands of the one queue run one after another, each complete before the next, so a
-// barrier has nothing left to order; only events that the host sets must be waited for.
+// --- events and barriers. Commands of the one queue run one after another, each complete before the next, and
+// the draws of a pass in their order, so a barrier has nothing left to order; only events that the host sets must be waited for.
 
 static void recordSetEvent(VkCommandBuffer b, VkEvent event, bool value) {
   from(b)->record([event = from(event), value](Execution& e) { e.hub.update([&] { event->set = value; }); });

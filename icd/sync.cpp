@@ -114,7 +114,12 @@ VKAPI_ATTR VkResult VKAPI_CALL vkResetEvent(VkDevice device, VkEvent e) {
   return VK_SUCCESS;
 }
 
-// The device's time is the host's monotonic clock.
+uint64_t clockNanoseconds(clockid_t clock) {
+  timespec t{};
+  clock_gettime(clock, &t);
+  return uint64_t(t.tv_sec) * 1'000'000'000 + uint64_t(t.tv_nsec);
+}
+
 constexpr VkTimeDomainEXT kTimeDomains[] = {VK_TIME_DOMAIN_DEVICE_EXT, VK_TIME_DOMAIN_CLOCK_MONOTONIC_EXT, VK_TIME_DOMAIN_CLOCK_MONOTONIC_RAW_EXT};
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceCalibrateableTimeDomainsEXT(VkPhysicalDevice, uint32_t* count, VkTimeDomainEXT* out) {
@@ -122,14 +127,9 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceCalibrateableTimeDomainsEXT(Vk
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetCalibratedTimestampsEXT(VkDevice, uint32_t count, const VkCalibratedTimestampInfoEXT* infos, uint64_t* out, uint64_t* deviation) {
-  auto now = [](clockid_t clock) {
-    timespec t{};
-    clock_gettime(clock, &t);
-    return uint64_t(t.tv_sec) * 1'000'000'000 + uint64_t(t.tv_nsec);
-  };
-  uint64_t begin = now(CLOCK_MONOTONIC);
-  for (uint32_t i = 0; i < count; i++) out[i] = now(infos[i].timeDomain == VK_TIME_DOMAIN_CLOCK_MONOTONIC_RAW_EXT ? CLOCK_MONOTONIC_RAW : CLOCK_MONOTONIC);
-  *deviation = now(CLOCK_MONOTONIC) - begin + 1;
+  uint64_t begin = clockNanoseconds();
+  for (uint32_t i = 0; i < count; i++) out[i] = clockNanoseconds(infos[i].timeDomain == VK_TIME_DOMAIN_CLOCK_MONOTONIC_RAW_EXT ? CLOCK_MONOTONIC_RAW : CLOCK_MONOTONIC);
+  *deviation = clockNanoseconds() - begin + 1;
   return VK_SUCCESS;
 }
 

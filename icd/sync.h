@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <condition_variable>
+#include <ctime>
 #include <mutex>
 #include <vector>
 
@@ -77,6 +78,9 @@ struct Semaphore {
 struct Event {
   bool set = false;
 };
+
+//! Nanoseconds of a clock of the host. The device's own time, which timestamps tell, is the monotonic one.
+uint64_t clockNanoseconds(clockid_t clock = CLOCK_MONOTONIC);
 
 struct Query {
   uint64_t value = 0;

@@ -32,7 +32,7 @@ class ComputeExpander : public StageExpander {
       case kWorkgroupSize: v = b.i32(size[c]); break;
       case kNumWorkgroups: v = drawField(b, Type::I32, offsetof(DrawConstants, groupCount), c); break;
       case kDeviceIndex: v = b.i32(0); break;
-      default: fail(base::errorf("compute stage: built-in %u is not supported", builtIn).message); v = b.i32(0);
+      default: fail(base::errorf("built-in %u is not supported", builtIn).message); v = b.i32(0);
     }
     return toType(b, type, v);
   }

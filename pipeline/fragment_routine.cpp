@@ -229,7 +229,7 @@ Value FragmentExpander::builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t 
     case kViewIndex: return PUMICE_DRAW_FIELD(b, I32, viewIndex);
     default: break;
   }
-  fail(base::errorf("fragment stage: built-in %u is not supported", builtIn).message);
+  fail(base::errorf("built-in %u is not supported", builtIn).message);
   return b.i32(0);
 }
 

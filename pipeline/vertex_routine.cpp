@@ -58,7 +58,7 @@ class VertexExpander : public StageExpander {
       case kDrawIndex: return toType(b, type, PUMICE_DRAW_FIELD(b, I32, drawIndex));
       case kViewIndex: return toType(b, type, PUMICE_DRAW_FIELD(b, I32, viewIndex));
       case kDeviceIndex: return b.zero(type);
-      default: fail(base::errorf("vertex stage: built-in %u is not supported", builtIn).message); return b.zero(type);
+      default: fail(base::errorf("built-in %u is not supported", builtIn).message); return b.zero(type);
     }
   }
 
