@@ -225,6 +225,91 @@ void main() { uvec4 b = subpassLoad(before); color = uvec4(b.x * 100 + gl_ViewIn
   }
 }
 
+// The depth attachment is read by the very fragments that then write it: what they read must be from before.
+TEST_P(ApiFeatures, InputAttachmentThatIsTheDepthAttachment) {
+  constexpr VkFormat kDepth = VK_FORMAT_D32_SFLOAT;
+  Image color = target(kUint), depth = target(kDepth, 1, VK_SAMPLE_COUNT_1_BIT, VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT);
+  VkImageView views[2] = {work->view(color), work->view(depth)};
+  VkAttachmentDescription attachments[2]{};
+  for (auto& a : attachments) {
+    a.format = kUint;
+    a.samples = VK_SAMPLE_COUNT_1_BIT;
+    a.loadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
+    a.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+    a.initialLayout = a.finalLayout = VK_IMAGE_LAYOUT_GENERAL;
+  }
+  attachments[1].format = kDepth;
+  VkAttachmentReference references[2] = {{0, VK_IMAGE_LAYOUT_GENERAL}, {1, VK_IMAGE_LAYOUT_GENERAL}};
+  VkSubpassDescription subpass{};
+  subpass.colorAttachmentCount = subpass.inputAttachmentCount = 1;
+  subpass.pColorAttachments = &references[0];
+  subpass.pInputAttachments = subpass.pDepthStencilAttachment = &references[1];
+  VkSubpassDependency itself{};
+  itself.srcStageMask = VK_PIPELINE_STAGE_EARLY_FRAGMENT_TESTS_BIT | VK_PIPELINE_STAGE_LATE_FRAGMENT_TESTS_BIT;
+  itself.dstStageMask = VK_PIPELINE_STAGE_FRAGMENT_SHADER_BIT;
+  itself.srcAccessMask = VK_ACCESS_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT;
+  itself.dstAccessMask = VK_ACCESS_INPUT_ATTACHMENT_READ_BIT;
+  itself.dependencyFlags = VK_DEPENDENCY_BY_REGION_BIT;
+  VkRenderPassCreateInfo passInfo{};
+  passInfo.sType = VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO;
+  passInfo.attachmentCount = 2;
+  passInfo.pAttachments = attachments;
+  passInfo.subpassCount = 1;
+  passInfo.pSubpasses = &subpass;
+  passInfo.dependencyCount = 1;
+  passInfo.pDependencies = &itself;
+  VkRenderPass pass = VK_NULL_HANDLE;
+  check(vkCreateRenderPass(handle(), &passInfo, nullptr, &pass), "vkCreateRenderPass");
+  work->onDestroy([d = handle(), pass] { vkDestroyRenderPass(d, pass, nullptr); });
+  VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, pass, 2, views, kSize.width, kSize.height, 1};
+  VkFramebuffer framebuffer = VK_NULL_HANDLE;
+  check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
+  work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+
+  VkDescriptorSetLayout setLayout = makeSetLayout(*work, {{0, VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT, 1, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr}});
+  VkPipelineLayout layout = makePipelineLayout(*work, {setLayout}, 16, kGraphics);
+  GraphicsSpec spec;
+  spec.vertex = R"(#version 460
+layout(push_constant) uniform P { vec4 given; };
+void main() { gl_Position = vec4(vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2) * 2 - 1, given.z, 1); }
+)";
+  spec.fragment = R"(#version 460
+layout(input_attachment_index = 0, binding = 0) uniform subpassInput before;
+layout(location = 0) out uvec4 color;
+void main() { color = uvec4(floatBitsToUint(subpassLoad(before).x), floatBitsToUint(gl_FragCoord.z), 7, 8); }
+)";
+  spec.pass = pass;
+  spec.colorCount = 1;
+  spec.depthTest = true;
+  VkPipeline pipeline = makeGraphics(*work, layout, spec);
+  VkDescriptorSet set = makeSet(*work, makePool(*work, {{VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT, 1}}), setLayout);
+  VkDescriptorImageInfo imageInfo{VK_NULL_HANDLE, views[1], VK_IMAGE_LAYOUT_GENERAL};
+  VkWriteDescriptorSet write = writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT, nullptr);
+  write.pImageInfo = &imageInfo;
+  vkUpdateDescriptorSets(handle(), 1, &write, 0, nullptr);
+  device().run([&](VkCommandBuffer commands) {
+    VkClearValue clears[2]{};
+    clears[1].depthStencil = {0.875f, 0};
+    VkRenderPassBeginInfo begin{VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO, nullptr, pass, framebuffer, {{0, 0}, kSize}, 2, clears};
+    vkCmdBeginRenderPass(commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
+    wholeTarget(commands, kSize);
+    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, layout, 0, 1, &set, 0, nullptr);
+    for (float z : {0.5f, 0.25f, 0.75f}) {  // the last is behind and writes nothing
+      push(commands, layout, 0, 0, z, 0);
+      vkCmdDraw(commands, 3, 1, 0, 0);
+      VkMemoryBarrier barrier{VK_STRUCTURE_TYPE_MEMORY_BARRIER, nullptr, itself.srcAccessMask, itself.dstAccessMask};
+      vkCmdPipelineBarrier(commands, itself.srcStageMask, itself.dstStageMask, VK_DEPENDENCY_BY_REGION_BIT, 1, &barrier, 0, nullptr, 0, nullptr);
+    }
+    vkCmdEndRenderPass(commands);
+    fullBarrier(commands);
+  });
+  Words p = pixels(color);
+  EXPECT_EQ(std::bit_cast<float>(at(p, 3, 4, 0)), 0.5f) << "what the fragment read";
+  EXPECT_EQ(std::bit_cast<float>(at(p, 3, 4, 1)), 0.25f) << "where it lay";
+  EXPECT_EQ(valuesOf<float>(wordsOf(download(*work, depth, 0, 0, VK_IMAGE_ASPECT_DEPTH_BIT, 4)))[0], 0.25f);
+}
+
 // An edge through the middle of pixel 3: two of its four samples lie to the left.
 TEST_P(ApiFeatures, DepthStencilResolve) {
   PUMICE_NEED_FEATURE(device().vulkan13.dynamicRendering);

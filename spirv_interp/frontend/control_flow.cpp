@@ -251,7 +251,11 @@ std::vector<uint32_t> Translator::switchOrder(const std::vector<uint32_t>& targe
       work.pop_back();
       if (++steps > kMaxInstructions) fail("the cases of a switch are too entangled");
       const BasicBlock& current = block(label);
-      for (uint32_t to : successors(current)) {
+      // What is declared counts as well as what is branched to: the code behind a loop that never ends is
+      // translated, so what that falls through to must still be to come.
+      std::vector<uint32_t> next = successors(current);
+      next.insert(next.end(), {current.merge, current.continueTarget});
+      for (uint32_t to : next) {
         if (to == merge || to == 0 || findTarget(to) || !frame().function->blockOfLabel.count(to)) continue;
         if (!seen.insert(to).second) continue;
         auto other = number.find(to);

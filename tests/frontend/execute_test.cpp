@@ -122,6 +122,18 @@ SAME(SwitchDefaultFallsIntoCase, int f(int x, int y) {
   return r;
 })
 
+// Nothing but the declared merge block leads from the loop to the case behind it.
+SAME(SwitchCaseBehindLoopsWithoutEnd, int f(int x, int y) {
+  int r = y;
+  switch (x) {
+    case 1: for (;;) { r += 2; if (r > 20) return r; }
+    case 0: r = r * 3; break;
+    case 3: for (;;) { r += 7; if (r > 9) return r + 100; for (;;) { if (r++ > 5) return -r; } }
+    default: r += 1000;
+  }
+  return r;
+})
+
 SAME(SwitchInLoop, int f(int x, int y) {
   int r = 0;
   for (int i = 0; i < 8; i++) {
