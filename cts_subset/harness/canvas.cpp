@@ -25,7 +25,7 @@ void main() { colour = passed; }
 )";
 
 Canvas::Canvas(Device& d, uint32_t w, uint32_t h, VkFormat depthFormatWanted,
-               VkSampleCountFlagBits samplesWanted)
+               VkSampleCountFlagBits samplesWanted, VkAttachmentStoreOp storeDepth)
     : Workspace(d), width(w), height(h), depthFormat(depthFormatWanted), samples(samplesWanted) {
   bool hasDepth = depthFormat != VK_FORMAT_UNDEFINED, resolves = samples != VK_SAMPLE_COUNT_1_BIT;
   ImageSpec spec;
@@ -58,6 +58,7 @@ Canvas::Canvas(Device& d, uint32_t w, uint32_t h, VkFormat depthFormatWanted,
   if (hasDepth) {
     attachments.push_back(attachments[0]);
     attachments[1].format = depthFormat;
+    attachments[1].storeOp = storeDepth;
     attachments[1].stencilLoadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
   }
   if (resolves) {

@@ -65,7 +65,7 @@ class Canvas : public Workspace {
   static constexpr VkFormat kColourFormat = VK_FORMAT_R8G8B8A8_UNORM;
 
   Canvas(Device& device, uint32_t width, uint32_t height, VkFormat depthFormat = VK_FORMAT_UNDEFINED,
-         VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT);
+         VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT, VkAttachmentStoreOp storeDepth = VK_ATTACHMENT_STORE_OP_STORE);
 
   Pipeline pipeline(const PipelineSpec& spec);
   // The VkResult instead of an exception; for pipelines that ought to fail.

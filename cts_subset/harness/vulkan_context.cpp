@@ -122,7 +122,7 @@ bool VulkanInstance::validationAvailable() {
   return false;
 }
 
-VulkanInstance::VulkanInstance(bool validation) {
+VulkanInstance::VulkanInstance(bool validation, const std::vector<const char*>& extensions) {
   VkApplicationInfo app{};
   app.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
   app.pApplicationName = "pumice cts_subset";
@@ -132,14 +132,15 @@ VulkanInstance::VulkanInstance(bool validation) {
   VkInstanceCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
   info.pApplicationInfo = &app;
-  const char* extension = VK_EXT_DEBUG_UTILS_EXTENSION_NAME;
+  std::vector<const char*> enabled = extensions;
   if (validation) {
+    enabled.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
     info.pNext = &debug;
     info.enabledLayerCount = 1;
     info.ppEnabledLayerNames = &kValidationLayer;
-    info.enabledExtensionCount = 1;
-    info.ppEnabledExtensionNames = &extension;
   }
+  info.enabledExtensionCount = uint32_t(enabled.size());
+  info.ppEnabledExtensionNames = enabled.data();
   check(vkCreateInstance(&info, nullptr, &instance), "vkCreateInstance");
   if (validation) {
     auto create = reinterpret_cast<PFN_vkCreateDebugUtilsMessengerEXT>(
@@ -233,7 +234,7 @@ std::vector<std::string> availableExtensions(VkPhysicalDevice physical) {
 }
 }  // namespace
 
-Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
+void Device::readProperties() {
   vkGetPhysicalDeviceProperties(physical, &properties);
   vkGetPhysicalDeviceFeatures(physical, &features);
   vkGetPhysicalDeviceMemoryProperties(physical, &memory);
@@ -246,13 +247,40 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
   for (uint32_t i = 0; i < count && family == count; ++i)
     if (families[i].queueFlags & VK_QUEUE_GRAPHICS_BIT) family = i;
   if (family == count) throw VulkanError(VK_ERROR_INITIALIZATION_FAILED, "no queue family with graphics");
+}
 
+void Device::create(const void* chain, const VkPhysicalDeviceFeatures* enabled) {
   float priority = 1.0f;
   VkDeviceQueueCreateInfo queueInfo{};
   queueInfo.sType = VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO;
   queueInfo.queueFamilyIndex = family;
   queueInfo.queueCount = 1;
   queueInfo.pQueuePriorities = &priority;
+  std::vector<const char*> names;
+  for (const std::string& e : extensions) names.push_back(e.c_str());
+  VkDeviceCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
+  info.pNext = chain;
+  info.pEnabledFeatures = enabled;
+  info.enabledExtensionCount = uint32_t(names.size());
+  info.ppEnabledExtensionNames = names.data();
+  info.queueCreateInfoCount = 1;
+  info.pQueueCreateInfos = &queueInfo;
+  check(vkCreateDevice(physical, &info, nullptr, &handle), "vkCreateDevice");
+  vkGetDeviceQueue(handle, family, 0, &queue);
+}
+
+Device::Device(VkPhysicalDevice chosen, const VkPhysicalDeviceFeatures& wanted,
+               const std::vector<const char*>& wantedExtensions)
+    : physical(chosen) {
+  readProperties();
+  features = wanted;
+  extensions.assign(wantedExtensions.begin(), wantedExtensions.end());
+  create(nullptr, &features);
+}
+
+Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
+  readProperties();
   VkPhysicalDeviceFeatures2 all{};
   all.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_FEATURES_2;
   vulkan11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_FEATURES;
@@ -286,22 +314,12 @@ Device::Device(VkPhysicalDevice chosen) : physical(chosen) {
     vkGetPhysicalDeviceFeatures2(physical, &all);
   }
   all.features = features;
-  std::vector<const char*> names;
-  for (const std::string& e : extensions) names.push_back(e.c_str());
-  VkDeviceCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO;
   if (all.pNext)
-    info.pNext = &all;
+    create(&all, nullptr);
   else
-    info.pEnabledFeatures = &features;
-  info.enabledExtensionCount = uint32_t(names.size());
-  info.ppEnabledExtensionNames = names.data();
-  info.queueCreateInfoCount = 1;
-  info.pQueueCreateInfos = &queueInfo;
-  check(vkCreateDevice(physical, &info, nullptr, &handle), "vkCreateDevice");
+    create(nullptr, &features);
   vulkan12.pNext = properties.apiVersion >= VK_API_VERSION_1_3 ? &vulkan13 : nullptr;
   vulkan13.pNext = nullptr;  // what was appended is gone
-  vkGetDeviceQueue(handle, family, 0, &queue);
 }
 
 Device::~Device() {

@@ -39,7 +39,7 @@ bool validationRequested();  // $PUMICE_VALIDATE
 
 class VulkanInstance {
  public:
-  explicit VulkanInstance(bool validation);
+  explicit VulkanInstance(bool validation, const std::vector<const char*>& extensions = {});
   ~VulkanInstance();
   VulkanInstance(const VulkanInstance&) = delete;
   VulkanInstance& operator=(const VulkanInstance&) = delete;
@@ -66,6 +66,8 @@ class VulkanInstance {
 class Device {
  public:
   explicit Device(VkPhysicalDevice physical);
+  // Only these features and extensions, as an application that knows what it needs: for measuring.
+  Device(VkPhysicalDevice physical, const VkPhysicalDeviceFeatures& wanted, const std::vector<const char*>& wantedExtensions);
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;
@@ -107,6 +109,9 @@ class Device {
   void waitIdle();
 
  private:
+  void readProperties();  // and the queue family with graphics
+  void create(const void* chain, const VkPhysicalDeviceFeatures* enabled);
+
   std::mutex queueLock;
 };
 
