@@ -393,12 +393,19 @@ VKAPI_ATTR void VKAPI_CALL vkCmdDrawIndexedIndirectCount(VkCommandBuffer b, VkBu
   recordIndirect<VkDrawIndexedIndirectCommand>(*from(b), buffer, offset, count, stride, counter, counterOffset);
 }
 
+static void countInvocations(Execution& e, const pipeline::DispatchState& state, const uint32_t (&count)[3]) {
+  if (e.statistics)
+    e.statistics->statistics.values[pipeline::PipelineStatistics::ComputeInvocations] +=
+        uint64_t(count[0]) * count[1] * count[2] * pipeline::groupInvocations(*state.pipeline);
+}
+
 VKAPI_ATTR void VKAPI_CALL vkCmdDispatchBase(VkCommandBuffer buffer, uint32_t bx, uint32_t by, uint32_t bz, uint32_t x, uint32_t y, uint32_t z) {
   CommandBuffer& cb = *from(buffer);
   if (!cb.dispatch.pipeline) return;
   cb.record([state = cb.dispatch, bx, by, bz, x, y, z](Execution& e) {
     const uint32_t base[3] = {bx, by, bz}, count[3] = {x, y, z};
     pipeline::dispatch(e.pool, state, base, count);
+    countInvocations(e, state, count);
   });
 }
 
@@ -411,6 +418,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdDispatchIndirect(VkCommandBuffer buffer, VkBuffe
     uint32_t base[3] = {}, count[3] = {};
     if (range.size >= sizeof count) std::memcpy(count, range.base, sizeof count);
     pipeline::dispatch(e.pool, state, base, count);
+    countInvocations(e, state, count);
   });
 }
 

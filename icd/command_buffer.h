@@ -48,6 +48,7 @@ struct Execution {
   Command* jump = nullptr;                    //!< where execution goes on, if not at the next command
   // Occlusion
   Query* occlusion = nullptr;                 //!< begun, not ended
+  Query* statistics = nullptr;                //!< the same
   std::vector<Query*> finishing;              //!< ended in the pass that is open
   std::vector<Query*> timestamps;             //!< to be written when the draws before them have run: with the pass
 

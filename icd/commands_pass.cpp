@@ -12,11 +12,13 @@ void Execution::beginPass(const pipeline::PassBegin& begin) {
   pass.begin(begin);
   insidePass = true;
   if (occlusion) pass.beginOcclusion(&occlusion->value);
+  if (statistics) pass.beginStatistics(&statistics->statistics);
 }
 
 // Counters are complete when the pass is: only then are its queries available.
 void Execution::endPass() {
   if (occlusion) pass.endOcclusion();
+  if (statistics) pass.endStatistics();
   pass.end();
   insidePass = false;
   if (finishing.empty() && timestamps.empty()) return;
@@ -174,20 +176,26 @@ VKAPI_ATTR void VKAPI_CALL vkCmdResetQueryPool(VkCommandBuffer b, VkQueryPool po
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBeginQuery(VkCommandBuffer b, VkQueryPool pool, uint32_t index, VkQueryControlFlags) {
-  from(b)->record([first = &from(pool)->queries[index]](Execution& e) {
+  from(b)->record([first = &from(pool)->queries[index], counts = from(pool)->type == VK_QUERY_TYPE_PIPELINE_STATISTICS](Execution& e) {
     Query* query = first + e.queryOffset();
     query->value = 0;
-    e.occlusion = query;
-    if (e.insidePass) e.pass.beginOcclusion(&query->value);
+    query->statistics = {};
+    if (counts) {
+      e.statistics = query;
+      if (e.insidePass) e.pass.beginStatistics(&query->statistics);
+    } else {
+      e.occlusion = query;
+      if (e.insidePass) e.pass.beginOcclusion(&query->value);
+    }
   });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdEndQuery(VkCommandBuffer b, VkQueryPool pool, uint32_t index) {
-  from(b)->record([first = &from(pool)->queries[index]](Execution& e) {
+  from(b)->record([first = &from(pool)->queries[index], counts = from(pool)->type == VK_QUERY_TYPE_PIPELINE_STATISTICS](Execution& e) {
     Query* query = first + e.queryOffset();
-    e.occlusion = nullptr;
+    (counts ? e.statistics : e.occlusion) = nullptr;
     if (e.insidePass) {
-      e.pass.endOcclusion();
+      counts ? e.pass.endStatistics() : e.pass.endOcclusion();
       e.finishing.push_back(query);
     } else {
       e.hub.update([&] { query->available = true; });
@@ -218,7 +226,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdCopyQueryPoolResults(VkCommandBuffer b, VkQueryP
     for (uint32_t i = 0; i < count; i++) {
       const Query& query = pool->queries[first + i];
       uint64_t at = i * stride;
-      if (at < out.size) e.hub.read([&] { return writeQueryResult(query, flags, out.base + at, out.size - at); });
+      if (at < out.size) e.hub.read([&] { return writeQueryResult(*pool, query, flags, out.base + at, out.size - at); });
     }
   });
 }

@@ -14,18 +14,24 @@ SyncHub& hub(VkDevice device) { return from(device)->queue.worker->hub(); }
 
 }  // namespace
 
-bool writeQueryResult(const Query& query, VkQueryResultFlags flags, std::byte* out, uint64_t bytes) {
-  uint64_t words[2] = {query.value, query.available};
-  bool writeValue = query.available || (flags & VK_QUERY_RESULT_PARTIAL_BIT);
-  uint64_t width = flags & VK_QUERY_RESULT_64_BIT ? 8 : 4;
-  for (int i = 0; i < 2; i++) {
-    if (i == 0 && !writeValue) continue;
-    if (i == 1 && !(flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT)) continue;
+bool writeQueryResult(const QueryPool& pool, const Query& query, VkQueryResultFlags flags, std::byte* out, uint64_t bytes) {
+  const bool writeValues = query.available || (flags & VK_QUERY_RESULT_PARTIAL_BIT);
+  const uint64_t width = flags & VK_QUERY_RESULT_64_BIT ? 8 : 4;
+  uint64_t at = 0;
+  auto put = [&](uint64_t word, bool write) {
     // Results that do not fit 32 bits may wrap or saturate; saturation misleads less.
-    uint64_t word = width == 4 ? std::min<uint64_t>(words[i], 0xffffffffu) : words[i];
-    if ((i + 1) * width <= bytes) std::memcpy(out + i * width, &word, width);
+    if (width == 4) word = std::min<uint64_t>(word, 0xffffffffu);
+    if (write && at + width <= bytes) std::memcpy(out + at, &word, width);
+    at += width;
+  };
+  if (pool.type == VK_QUERY_TYPE_PIPELINE_STATISTICS) {
+    for (uint32_t i = 0; i < pipeline::PipelineStatistics::Count; i++)
+      if (pool.statistics >> i & 1) put(query.statistics.values[i], writeValues);
+  } else {
+    put(query.value, writeValues);
   }
-  return writeValue;
+  if (flags & VK_QUERY_RESULT_WITH_AVAILABILITY_BIT) put(query.available, true);
+  return writeValues;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateFence(VkDevice device, const VkFenceCreateInfo* info, const VkAllocationCallbacks* callbacks, VkFence* out) {
@@ -134,10 +140,11 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetCalibratedTimestampsEXT(VkDevice, uint32_t c
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateQueryPool(VkDevice device, const VkQueryPoolCreateInfo* info, const VkAllocationCallbacks* callbacks, VkQueryPool* out) {
-  if (info->queryType != VK_QUERY_TYPE_OCCLUSION && info->queryType != VK_QUERY_TYPE_TIMESTAMP) return VK_ERROR_FEATURE_NOT_PRESENT;
+  if (info->queryType > VK_QUERY_TYPE_TIMESTAMP) return VK_ERROR_FEATURE_NOT_PRESENT;
   auto* pool = from(device)->make<QueryPool>(callbacks);
   if (!pool) return VK_ERROR_OUT_OF_HOST_MEMORY;
   pool->type = info->queryType;
+  pool->statistics = info->pipelineStatistics;
   try {
     pool->queries.resize(info->queryCount);
   } catch (const std::bad_alloc&) {
@@ -163,7 +170,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetQueryPoolResults(VkDevice device, VkQueryPoo
     if (flags & VK_QUERY_RESULT_WAIT_BIT && hub(device).waitOrLost(~0ull, [&] { return query.available; }) < 0) return VK_ERROR_DEVICE_LOST;
     uint64_t offset = i * stride;
     hub(device).read([&] {
-      if (!writeQueryResult(query, flags, out + offset, offset < bytes ? bytes - offset : 0)) result = VK_NOT_READY;
+      if (!writeQueryResult(*from(handle), query, flags, out + offset, offset < bytes ? bytes - offset : 0)) result = VK_NOT_READY;
       return 0;
     });
   }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "icd/device.h"
+#include "pipeline/execute.h"
 
 namespace pumice::icd {
 
@@ -85,10 +86,12 @@ uint64_t clockNanoseconds(clockid_t clock = CLOCK_MONOTONIC);
 struct Query {
   uint64_t value = 0;
   bool available = false;
+  pipeline::PipelineStatistics statistics;   //!< of VK_QUERY_TYPE_PIPELINE_STATISTICS
 };
 
 struct QueryPool {
   VkQueryType type = VK_QUERY_TYPE_OCCLUSION;
+  VkQueryPipelineStatisticFlags statistics = 0;
   std::vector<Query> queries;
 };
 
@@ -99,6 +102,6 @@ PUMICE_HANDLE(QueryPool, VkQueryPool)
 
 //! Writes one query's result as vkGetQueryPoolResults and vkCmdCopyQueryPoolResults lay it out. False if it is not
 //! available and nothing but availability could be written.
-bool writeQueryResult(const Query& query, VkQueryResultFlags flags, std::byte* out, uint64_t bytes);
+bool writeQueryResult(const QueryPool& pool, const Query& query, VkQueryResultFlags flags, std::byte* out, uint64_t bytes);
 
 }  // namespace pumice::icd

@@ -120,6 +120,11 @@ struct DispatchRun {
 
 }  // namespace
 
+uint64_t groupInvocations(const ComputePipeline& pipeline) {
+  const auto& size = pipeline.shader->localSize;
+  return uint64_t(size[0]) * size[1] * size[2];
+}
+
 void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t baseGroup[3], const uint32_t groupCount[3]) {
   if (!state.pipeline || !groupCount[0] || !groupCount[1] || !groupCount[2]) return;
   const base::ScopedFpEnv environment;

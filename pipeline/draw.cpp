@@ -262,16 +262,18 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   const GraphicsState& fixed = pipeline.state;
   ++counters.draws;
   const base::ScopedFpEnv environment;
-  if (fixed.rasterizerDiscard && !pipeline.vertex->writesMemory) return;
+  // What is not looked at is not done.
+  const bool lookedAt = pipeline.vertex->writesMemory || query;
+  if (fixed.rasterizerDiscard && !lookedAt) return;
 
   auto vertex = vertexRoutine(pipeline, state);
   if (!vertex) return;
   auto record = std::make_unique<DrawRecord>();
   if (!fixed.rasterizerDiscard) {
-    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics);
+    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics || query);
     if (!record->fragment || !fits(fixed)) return;
-    if (!record->fragment->present && !pipeline.vertex->writesMemory) return;
-    if (pipeline.link.viewportRow < 0 && isEmpty(intersect(state.scissor, pass.renderArea)) && !pipeline.vertex->writesMemory) return;
+    if (!record->fragment->present && !lookedAt) return;
+    if (pipeline.link.viewportRow < 0 && isEmpty(intersect(state.scissor, pass.renderArea)) && !lookedAt) return;
     for (uint32_t v = 0; v < fixed.viewportCount; ++v) {
       const VkViewport& viewport = v ? state.furtherViewports[v - 1] : state.viewport;
       record->depthRanges[v] = {viewport.minDepth, viewport.maxDepth};
@@ -279,6 +281,7 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   }
   record->pipeline = state.pipeline;
   record->occlusion = occlusion;
+  record->query = query;
   DrawConstants& c = record->constants;
   fillConstants(state, c);
   c.vertexOffset = params.indexed ? params.vertexOffset : int32_t(params.first);
@@ -297,7 +300,20 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   DrawRecord& kept = *record;
   draws.push_back(std::move(record));
   collected += sizeof(DrawRecord);
+  if (query) countFrontEnd(*query, false);
   frontEnd(state, params, *vertex, kept);
+  if (query) countFrontEnd(*query, true);
+}
+
+//! Adds or takes away what the workers have counted so far in this pass.
+void PassExecutor::Impl::countFrontEnd(PipelineStatistics& statistics, bool add) const {
+  const auto count = [&](PipelineStatistics::Number n, uint64_t v) { statistics.values[n] += add ? v : 0 - v; };
+  for (const auto& w : front) {
+    count(PipelineStatistics::VertexInvocations, w->shaded);
+    count(PipelineStatistics::ClippingInvocations, w->setup.input);
+    const raster::SetupCounters& s = w->setup;
+    count(PipelineStatistics::ClippingPrimitives, s.output + s.culledFace + s.culledZeroArea + s.culledNoSample);
+  }
 }
 
 void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record) {
@@ -342,6 +358,13 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   const FrontDraw shared{vertex,         record.pipeline->link, bank,         record.tables,        setup, indices,
                          fixed.topology, params.first,          params.firstInstance, &pool.cancelled()};
   const std::vector<Run> runs = findRuns(fixed, indices, params.count);
+  if (query) {
+    uint32_t restarts = 0;
+    if (indices.bytes && fixed.primitiveRestart)
+      for (uint32_t i = 0; i < params.count; ++i) restarts += indices.raw(i) == indices.restart();
+    query->values[PipelineStatistics::InputVertices] += uint64_t(params.count - restarts) * params.instanceCount;
+    for (const Run& r : runs) query->values[PipelineStatistics::InputPrimitives] += uint64_t(r.primitives) * params.instanceCount;
+  }
   ChunkSource source(runs, params.instanceCount);
   const uint64_t primitiveBytes = sizeof(raster::Primitive) + sizeof(raster::BinEntry) +
                                   (2 + setup.varyings.size()) * sizeof(raster::Plane) + setup.varyings.size() * 4;

@@ -73,6 +73,16 @@ struct PassCounters {
   raster::SetupCounters setup;
 };
 
+//! What a pipeline statistics query counts, in the order of VkQueryPipelineStatisticFlagBits.
+struct PipelineStatistics {
+  enum Number {
+    InputVertices, InputPrimitives, VertexInvocations,
+    ClippingInvocations = 5, ClippingPrimitives, FragmentInvocations,
+    ComputeInvocations = 10, Count
+  };
+  uint64_t values[Count] = {};
+};
+
 //! Collects draws until end(), then finishes them tile by tile. One per queue; re-used from pass to pass.
 class PassExecutor {
  public:
@@ -85,6 +95,9 @@ class PassExecutor {
   //! Adds the samples that pass depth and stencil tests from here to the matching endOcclusion() to *counter (at end()).
   void beginOcclusion(uint64_t* counter);
   void endOcclusion();
+  //! Adds what draws do from here to the matching endStatistics() (complete at end()).
+  void beginStatistics(PipelineStatistics* to);
+  void endStatistics();
   void end();
   //! From the next pass on: count everything, at some cost (routines are variants that count). PUMICE_STATS=1 does, and prints.
   void collectStatistics(bool on);
@@ -101,6 +114,8 @@ struct DispatchState {
   uint32_t dynamicOffsets[kMaxDynamicOffsets] = {};
   std::byte push[kMaxPushBytes] = {};
 };
+//! Invocations of one work group.
+uint64_t groupInvocations(const ComputePipeline& pipeline);
 void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t baseGroup[3], const uint32_t groupCount[3]);
 
 }  // namespace pumice::pipeline

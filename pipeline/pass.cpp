@@ -62,6 +62,7 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   open = true;
   loaded = false;
   occlusion = nullptr;
+  query = nullptr;
   counters = {};
   statistics = collect || stats;
   samples = 1;
@@ -234,6 +235,8 @@ void PassExecutor::draw(const DrawState& state, const DrawParams& params) { impl
 void PassExecutor::clear(const VkClearAttachment& attachment, const VkClearRect& rect) { impl_->clear(attachment, rect); }
 void PassExecutor::beginOcclusion(uint64_t* counter) { impl_->occlusion = counter; }
 void PassExecutor::endOcclusion() { impl_->occlusion = nullptr; }
+void PassExecutor::beginStatistics(PipelineStatistics* to) { impl_->query = to; }
+void PassExecutor::endStatistics() { impl_->query = nullptr; }
 void PassExecutor::end() { impl_->end(); }
 void PassExecutor::collectStatistics(bool on) { impl_->collect = on; }
 const PassCounters& PassExecutor::counters() const { return impl_->counters; }

@@ -26,6 +26,7 @@ struct DrawRecord {
   interp::UniformBank bank;
   raster::DepthRange depthRanges[raster::kMaxViewports];
   uint64_t* occlusion = nullptr;
+  PipelineStatistics* query = nullptr;
   // Clears
   VkClearAttachment clear{};
   VkRect2D rect{};
@@ -57,6 +58,7 @@ struct PassExecutor::Impl {
   uint64_t collected = 0;        //!< bytes since the last flush
   bool loaded = false;           //!< load operations are done
   uint64_t* occlusion = nullptr;
+  PipelineStatistics* query = nullptr;
   std::vector<std::unique_ptr<FrontWorker>> front;
   std::vector<std::unique_ptr<TileWorker>> tileWorkers;
   base::Arena clearArena;
@@ -71,6 +73,7 @@ struct PassExecutor::Impl {
 
  private:
   bool fits(const GraphicsState& state) const;
+  void countFrontEnd(PipelineStatistics& statistics, bool add) const;
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
   void resolve();
   void printCounters() const;

@@ -115,6 +115,9 @@ void TileWorker::setDraw(DrawRecord* draw) {
     std::atomic_ref<uint64_t>(*draw_->occlusion).fetch_add(occluded_, std::memory_order_relaxed);
     occluded_ = 0;
   }
+  if (draw_ && draw_->query && invocations_)
+    std::atomic_ref<uint64_t>(draw_->query->values[PipelineStatistics::FragmentInvocations]).fetch_add(invocations_, std::memory_order_relaxed);
+  invocations_ = 0;
   draw_ = draw;
   primitive_ = nullptr;
   record_ = nullptr;
@@ -193,13 +196,16 @@ void TileWorker::run(interp::ExecContext& context) {
   context.outputs = outputs;
   draw_->fragment->code->run(draw_->bank, context);
   for (uint64_t a : context.active) fragments += uint64_t(std::popcount(a));
-  if (!draw_->occlusion && !pass_.statistics) return;
-  uint64_t count = 0;
+  const bool countShaded = pass_.statistics || draw_->query;
+  if (!draw_->occlusion && !countShaded) return;
+  uint64_t count = 0, ran = 0;
   for (uint32_t l = 0; l < context.lanes; ++l) {
     if (!(context.active[l >> 6] >> (l & 63) & 1)) continue;
     count += uint64_t(std::popcount(passedRow_[l]));
-    if (pass_.statistics) shaded += shadedRow_[l];
+    if (countShaded) ran += shadedRow_[l];
   }
+  shaded += ran;
+  if (draw_->query) invocations_ += ran;
   if (draw_->occlusion) occluded_ += count;
   passed += count;
 }

@@ -37,6 +37,7 @@ struct TileWorker final : raster::BlockSink {
   base::Arena records_{64 * 1024};
   size_t recordBytes_ = 0;                 //!< in use since the last reset
   uint64_t occluded_ = 0;                  //!< samples passed, not yet added to the draw's counter
+  uint64_t invocations_ = 0;               //!< the same for its statistics query
 
   uint32_t count_ = 0;                     //!< quads pending
   uint64_t pending_[16] = {};              //!< bit per quad of the tile: is in the row
