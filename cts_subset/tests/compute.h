@@ -148,6 +148,28 @@ inline Words runCompute(Device& device, const std::string& glsl, const Words& in
   return runCompute(device, compileGlsl(VK_SHADER_STAGE_COMPUTE_BIT, "#version 460\n" + glsl, ShaderTarget::kVulkan13), in, outWords, spec);
 }
 
+// Tests that compare words with words.
+class ComputeTest : public OnDevice {
+ protected:
+  template <class T>
+  void expect(const std::vector<T>& found, const std::vector<T>& expected) {
+    ASSERT_EQ(found.size(), expected.size());
+    size_t wrong = 0;
+    for (size_t i = 0; i < found.size(); i++)
+      if (std::memcmp(&found[i], &expected[i], sizeof(T)) && ++wrong <= 5)
+        ADD_FAILURE() << "element " << i << " is " << +found[i] << ", expected " << +expected[i];
+    EXPECT_EQ(wrong, 0u) << "of " << found.size();
+  }
+  template <class Properties>
+  Properties properties(VkStructureType type) {
+    Properties found{};
+    found.sType = type;
+    VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &found, {}};
+    vkGetPhysicalDeviceProperties2(device().physical, &p2);
+    return found;
+  }
+};
+
 // A test of what a device need not have.
 #define PUMICE_NEED_FEATURE(feature) \
   if (!(feature)) GTEST_SKIP() << device().name() << " has no " #feature

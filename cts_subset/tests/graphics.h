@@ -1,7 +1,11 @@
-// Graphics pipelines without vertex buffers for tests of the API: a triangle that covers the whole target.
+// Graphics pipelines and passes for tests of the API: small targets, a triangle that covers all of them, words read back.
 #pragma once
 
 #include "cts_subset/tests/compute.h"
+
+#include <algorithm>
+#include <functional>
+#include <memory>
 
 namespace pumice::cts {
 
@@ -19,8 +23,9 @@ struct GraphicsSpec {
   uint32_t subpass = 0, colorCount = 0;  // of the subpass
   VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT;
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
-  bool depthTest = false, stencilTest = false;
+  bool depthTest = false, depthWrite = true, stencilTest = false;
   uint32_t stencilReference = 0;         // replaces
+  std::vector<VkPipelineColorBlendAttachmentState> blends;   // none: no blending, all components
   std::vector<VkDynamicState> dynamic;   // besides viewport and scissor
   std::vector<VkVertexInputBindingDescription> bindings;
   std::vector<VkVertexInputAttributeDescription> attributes;
@@ -60,13 +65,16 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   multisample.rasterizationSamples = spec.samples;
   VkPipelineDepthStencilStateCreateInfo depth{};
   depth.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
-  depth.depthTestEnable = depth.depthWriteEnable = spec.depthTest;
+  depth.depthTestEnable = spec.depthTest;
+  depth.depthWriteEnable = spec.depthTest && spec.depthWrite;
   depth.depthCompareOp = VK_COMPARE_OP_LESS;
   depth.stencilTestEnable = spec.stencilTest;
   depth.front = {VK_STENCIL_OP_KEEP, VK_STENCIL_OP_REPLACE, VK_STENCIL_OP_KEEP, VK_COMPARE_OP_ALWAYS, 0xff, 0xff, spec.stencilReference};
   depth.back = depth.front;
-  std::vector<VkPipelineColorBlendAttachmentState> attachments(spec.pass ? spec.colorCount : spec.colors.size());
-  for (auto& a : attachments) a.colorWriteMask = 0xf;
+  std::vector<VkPipelineColorBlendAttachmentState> attachments = spec.blends;
+  VkPipelineColorBlendAttachmentState written{};
+  written.colorWriteMask = 0xf;
+  attachments.resize(spec.pass ? spec.colorCount : spec.colors.size(), written);
   VkPipelineColorBlendStateCreateInfo blend{};
   blend.sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO;
   blend.attachmentCount = uint32_t(attachments.size());
@@ -143,5 +151,68 @@ inline void wholeTarget(VkCommandBuffer commands, VkExtent2D extent) {
   vkCmdSetViewport(commands, 0, 1, &viewport);
   vkCmdSetScissor(commands, 0, 1, &scissor);
 }
+
+// Tests that draw into small targets and read them back word by word.
+class DrawTest : public OnDevice {
+ protected:
+  static constexpr VkExtent2D kSize{8, 8};
+  static constexpr VkFormat kUint = VK_FORMAT_R32G32B32A32_UINT;
+  static constexpr VkShaderStageFlags kGraphics = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT;
+
+  void SetUp() override {
+    OnDevice::SetUp();
+    if (HasFatalFailure() || IsSkipped()) return;
+    work = std::make_unique<Workspace>(device());
+  }
+  void TearDown() override { work.reset(); }
+  VkDevice handle() { return device().handle; }
+
+  Image target(VkFormat format, uint32_t layers = 1, VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT, VkImageUsageFlags usage = 0) {
+    ImageSpec spec;
+    spec.format = format;
+    spec.extent = {kSize.width, kSize.height, 1};
+    spec.layers = layers;
+    spec.samples = samples;
+    spec.usage = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT | usage |
+                 (aspectsOf(format) & VK_IMAGE_ASPECT_COLOR_BIT ? VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT : VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT);
+    Image image = work->image(spec);
+    toGeneral(*work, image);
+    return image;
+  }
+  Words pixels(const Image& image, uint32_t layer = 0) { return valuesOf<uint32_t>(wordsOf(download(*work, image, 0, layer, VK_IMAGE_ASPECT_COLOR_BIT, 16))); }
+  // Word `component` of the pixel.
+  uint32_t at(const Words& p, uint32_t x, uint32_t y, uint32_t component) { return p[(y * kSize.width + x) * 4 + component]; }
+  VkPipelineLayout pushLayout() { return makePipelineLayout(*work, {}, 16, kGraphics); }
+  void push(VkCommandBuffer commands, VkPipelineLayout layout, float x, float y, float z, float w) {
+    float v[4] = {x, y, z, w};
+    vkCmdPushConstants(commands, layout, kGraphics, 0, sizeof v, v);
+  }
+
+  // One pass of dynamic rendering: `draw` draws through `pipeline` into the upper left part of the target.
+  void pass(VkCommandBuffer c, const VkRenderingInfo& info, VkPipeline pipeline, const std::function<void()>& draw, VkExtent2D part = kSize) {
+    vkCmdBeginRendering(c, &info);
+    wholeTarget(c, part);
+    vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
+    draw();
+    vkCmdEndRendering(c);
+    fullBarrier(c);
+  }
+  // The triangle over all of it, at depth `z`.
+  void drawWhole(VkCommandBuffer c, VkPipelineLayout layout, float x = 0, float z = 0.5f) {
+    push(c, layout, x, 0, 0, z);
+    vkCmdDraw(c, 3, 1, 0, 0);
+  }
+  // A submission with one pass over `view`, which is cleared to the number `before`.
+  void drawInto(VkImageView view, VkPipeline pipeline, const std::function<void(VkCommandBuffer)>& draw, uint32_t before = 0) {
+    device().run([&](VkCommandBuffer c) {
+      VkClearValue clear{};
+      clear.color.uint32[0] = before;
+      std::vector<VkRenderingAttachmentInfo> colors = {rendered(view, VK_ATTACHMENT_LOAD_OP_CLEAR, clear)};
+      pass(c, renderingInfo(kSize, colors), pipeline, [&] { draw(c); });
+    });
+  }
+
+  std::unique_ptr<Workspace> work;
+};
 
 }  // namespace pumice::cts

@@ -83,6 +83,40 @@ TEST(Robustness, TruncatedModuleFailsPipelineCreation) {
   EXPECT_EQ(drawOnce(*world().tested), "") << "after failed pipelines";
 }
 
+TEST(Robustness, RecursionIsRejected) {
+  PUMICE_NEED_TESTED();
+  if (!invalidModulesMakeSense()) GTEST_SKIP() << "only for Pumice without validation";
+  Canvas canvas(*world().tested, 16, 16);
+  // With one function that calls itself, and with two that call each other.
+  for (const char* callee : {"%f", "%g"}) {
+    std::vector<uint32_t> words = assemble(std::string(R"(
+OpCapability Shader
+OpMemoryModel Logical GLSL450
+OpEntryPoint Fragment %main "main"
+OpExecutionMode %main OriginUpperLeft
+%void = OpTypeVoid
+%fn = OpTypeFunction %void
+%main = OpFunction %void None %fn
+%m = OpLabel
+%mc = OpFunctionCall %void %f
+OpReturn
+OpFunctionEnd
+%f = OpFunction %void None %fn
+%fl = OpLabel
+%fc = OpFunctionCall %void )") + callee + R"(
+OpReturn
+OpFunctionEnd
+%g = OpFunction %void None %fn
+%gl = OpLabel
+%gc = OpFunctionCall %void %f
+OpReturn
+OpFunctionEnd
+)");
+    EXPECT_NE(pipelineFrom(canvas, words), VK_SUCCESS) << callee;
+  }
+  EXPECT_EQ(drawOnce(*world().tested), "") << "after failed pipelines";
+}
+
 // In a process of its own: a crash must not take the other tests along.
 TEST(RobustnessDeathTest, DamagedModulesNeverCrash) {
   if (!invalidModulesMakeSense()) GTEST_SKIP() << "only for Pumice without validation";

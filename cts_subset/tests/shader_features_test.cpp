@@ -1,4 +1,4 @@
-// Features of shaders, each through a compute shader whose results are computed here too.
+// Features of shaders, each through a compute shader whose results are computed here too: types, memory, descriptors.
 #include "cts_subset/tests/compute.h"
 
 #include <bit>
@@ -8,18 +8,7 @@
 namespace pumice::cts {
 namespace {
 
-class ShaderFeatures : public OnDevice {
- protected:
-  template <class T>
-  void expect(const std::vector<T>& found, const std::vector<T>& expected) {
-    ASSERT_EQ(found.size(), expected.size());
-    size_t wrong = 0;
-    for (size_t i = 0; i < found.size(); i++)
-      if (std::memcmp(&found[i], &expected[i], sizeof(T)) && ++wrong <= 5)
-        ADD_FAILURE() << "element " << i << " is " << +found[i] << ", expected " << +expected[i];
-    EXPECT_EQ(wrong, 0u) << "of " << found.size();
-  }
-};
+class ShaderFeatures : public ComputeTest {};
 
 constexpr size_t kLanes = 64;
 
@@ -268,96 +257,6 @@ void main() {
   EXPECT_EQ(nodes[0].pad, 40u) << "written through an address";
 }
 
-// Results by subgroup size: the driver under test and its peer have different ones.
-TEST_P(ShaderFeatures, SubgroupOperations) {
-  VkPhysicalDeviceVulkan11Properties v11{};
-  v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
-  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
-  vkGetPhysicalDeviceProperties2(device().physical, &p2);
-  constexpr VkSubgroupFeatureFlags kTested = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
-                                             VK_SUBGROUP_FEATURE_BALLOT_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT |
-                                             VK_SUBGROUP_FEATURE_QUAD_BIT;
-  PUMICE_NEED_FEATURE((v11.subgroupSupportedOperations & kTested) == kTested && (v11.subgroupSupportedStages & VK_SHADER_STAGE_COMPUTE_BIT));
-  const uint32_t size = v11.subgroupSize;
-  Words in(128);
-  for (uint32_t i = 0; i < in.size(); i++) in[i] = i * 2654435761u >> 20;
-  Words expected;
-  for (uint32_t i = 0; i < 128; i++) {
-    uint32_t lane = i % size, first = i - lane, sum = 0, before = 0, most = 0, ballot = 0;
-    bool any = false, all = true;
-    for (uint32_t k = 0; k < size; k++) {
-      uint32_t v = in[first + k];
-      sum += v;
-      if (k < lane) before += v;
-      most = std::max(most, v);
-      if (v & 1) ballot |= 1u << k;
-      any |= v > 4000, all &= v < 4090;
-    }
-    uint32_t x = lane ^ 3;
-    expected.insert(expected.end(), {sum, before, most, ballot, uint32_t(any) | uint32_t(all) << 1, in[first + x], lane ? in[i - 1] : 0u, in[i ^ 1], in[first + 2],
-                                     lane, uint32_t(lane == 0), i / size});
-  }
-  expect(runCompute(device(), R"(
-#extension GL_KHR_shader_subgroup_basic : require
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_KHR_shader_subgroup_vote : require
-#extension GL_KHR_shader_subgroup_shuffle : require
-#extension GL_KHR_shader_subgroup_shuffle_relative : require
-#extension GL_KHR_shader_subgroup_quad : require
-layout(local_size_x = 128) in;
-layout(binding = 0) readonly buffer In { uint a[]; };
-layout(binding = 1) buffer Out { uint r[]; };
-void main() {
-  uint i = gl_LocalInvocationIndex, o = i * 12, v = a[i];
-  r[o] = subgroupAdd(v); r[o + 1] = subgroupExclusiveAdd(v); r[o + 2] = subgroupMax(v); r[o + 3] = subgroupBallot((v & 1) != 0).x;
-  r[o + 4] = (subgroupAny(v > 4000) ? 1 : 0) | (subgroupAll(v < 4090) ? 2 : 0);
-  r[o + 5] = subgroupShuffle(v, gl_SubgroupInvocationID ^ 3);
-  uint up = subgroupShuffleUp(v, 1); r[o + 6] = gl_SubgroupInvocationID == 0 ? 0 : up;
-  r[o + 7] = subgroupQuadSwapHorizontal(v); r[o + 8] = subgroupBroadcast(v, 2);
-  r[o + 9] = gl_SubgroupInvocationID; r[o + 10] = subgroupElect() ? 1 : 0; r[o + 11] = gl_SubgroupID;
-})", in, 128 * 12), expected);
-}
-
-TEST_P(ShaderFeatures, SubgroupExtendedTypes) {
-  PUMICE_NEED_FEATURE(device().vulkan12.shaderSubgroupExtendedTypes && device().features.shaderInt64 && device().features.shaderInt16 &&
-                      device().vulkan12.shaderInt8 && device().vulkan12.shaderFloat16);
-  VkPhysicalDeviceVulkan11Properties v11{};
-  v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
-  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
-  vkGetPhysicalDeviceProperties2(device().physical, &p2);
-  PUMICE_NEED_FEATURE(v11.subgroupSupportedOperations & VK_SUBGROUP_FEATURE_ARITHMETIC_BIT);
-  const uint32_t size = v11.subgroupSize;
-  std::vector<uint64_t> expected;
-  for (uint32_t i = 0; i < 64; i++) {
-    uint32_t first = i / size * size;
-    uint64_t wide = 0;
-    uint16_t half = 0;
-    uint8_t byte = 0;
-    float f = 0;
-    for (uint32_t k = first; k < first + size; k++) wide += uint64_t(k) << 32 | k, half = uint16_t(half + k * 3000), byte = uint8_t(byte + k * 77), f += 0.5f * float(k % 4);
-    expected.insert(expected.end(), {wide, half, byte, std::bit_cast<uint32_t>(f), uint64_t(first) << 40});
-  }
-  expect(valuesOf<uint64_t>(runCompute(device(), R"(
-#extension GL_KHR_shader_subgroup_arithmetic : require
-#extension GL_KHR_shader_subgroup_ballot : require
-#extension GL_EXT_shader_explicit_arithmetic_types : require
-#extension GL_EXT_shader_subgroup_extended_types_int8 : require
-#extension GL_EXT_shader_subgroup_extended_types_int16 : require
-#extension GL_EXT_shader_subgroup_extended_types_int64 : require
-#extension GL_EXT_shader_subgroup_extended_types_float16 : require
-layout(local_size_x = 64) in;
-layout(binding = 1) buffer Out { uint64_t r[]; };
-void main() {
-  uint i = gl_LocalInvocationIndex, o = i * 5;
-  r[o] = subgroupAdd(uint64_t(i) << 32 | uint64_t(i));
-  r[o + 1] = uint64_t(subgroupAdd(uint16_t(i * 3000)));
-  r[o + 2] = uint64_t(subgroupAdd(uint8_t(i * 77)));
-  r[o + 3] = uint64_t(floatBitsToUint(float(subgroupAdd(float16_t(0.5) * float16_t(i % 4)))));
-  r[o + 4] = subgroupBroadcastFirst(uint64_t(i) << 40);
-})", Words(1), 64 * 10)), expected);
-}
-
 TEST_P(ShaderFeatures, VulkanMemoryModel) {
   PUMICE_NEED_FEATURE(device().vulkan12.vulkanMemoryModel && device().vulkan12.vulkanMemoryModelDeviceScope);
   // Each invocation publishes a value and then the flag of it; the next one waits for the flag in turn.
@@ -384,6 +283,47 @@ void main() {
   }());
 }
 
+// A value passes from one invocation to another of its group, which passes it on to the other group: made available by the
+// first and visible by the last, with the one in the middle doing nothing about it but handing on the flag.
+TEST_P(ShaderFeatures, AvailabilityAndVisibilityChains) {
+  PUMICE_NEED_FEATURE(device().vulkan12.vulkanMemoryModelAvailabilityVisibilityChains && device().vulkan12.vulkanMemoryModelDeviceScope);
+  ComputeSpec spec;
+  spec.groups = 128;
+  Words r = runCompute(device(), R"(
+#pragma use_vulkan_memory_model
+#extension GL_KHR_memory_scope_semantics : require
+layout(local_size_x = 2) in;
+layout(binding = 0) nonprivate buffer In { uint value[64]; uint near[64]; uint far[64]; };
+layout(binding = 1) buffer Out { uint r[]; };
+void main() {
+  uint pair = gl_WorkGroupID.x / 2, i = gl_LocalInvocationIndex;
+  if ((gl_WorkGroupID.x & 1) == 0) {
+    if (i == 0) {
+      value[pair] = 7000 + pair;
+      atomicStore(near[pair], 1u, gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsRelease | gl_SemanticsMakeAvailable);
+    } else {
+      uint seen = 0;
+      for (uint turns = 0; turns < 100000 && seen == 0; turns++) seen = atomicLoad(near[pair], gl_ScopeWorkgroup, gl_StorageSemanticsBuffer, gl_SemanticsAcquire);
+      if (seen != 0) atomicStore(far[pair], 1u, gl_ScopeDevice, gl_StorageSemanticsBuffer, gl_SemanticsRelease | gl_SemanticsMakeAvailable);
+    }
+  } else if (i == 0) {
+    // The other group need not have run: then nothing is said.
+    uint seen = 0;
+    for (uint turns = 0; turns < 1000 && seen == 0; turns++)
+      seen = atomicLoad(far[pair], gl_ScopeDevice, gl_StorageSemanticsBuffer, gl_SemanticsAcquire | gl_SemanticsMakeVisible);
+    r[pair] = seen != 0 ? value[pair] : 0;
+  }
+})", Words(192), 64, spec);
+  uint32_t told = 0;
+  for (uint32_t i = 0; i < 64; i++) {
+    EXPECT_TRUE(r[i] == 0 || r[i] == 7000 + i) << i << ": " << r[i];
+    told += r[i] != 0;
+  }
+  if (GetParam() == Role::kTested) {
+    EXPECT_GT(told, 0u) << "no chain was ever complete";
+  }
+}
+
 TEST_P(ShaderFeatures, ZeroInitializedWorkgroupMemory) {
   PUMICE_NEED_FEATURE(device().vulkan13.shaderZeroInitializeWorkgroupMemory);
   ComputeSpec spec;
@@ -400,168 +340,36 @@ void main() {
 })", Words(1), 64 * 32, spec), Words(64 * 32, 0));
 }
 
-TEST_P(ShaderFeatures, SubgroupSizeControlAndSpecializedSizes) {
-  PUMICE_NEED_FEATURE(device().vulkan13.subgroupSizeControl && device().vulkan13.computeFullSubgroups && device().vulkan13.maintenance4);
-  VkPhysicalDeviceVulkan13Properties v13{};
-  v13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES;
-  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v13, {}};
-  vkGetPhysicalDeviceProperties2(device().physical, &p2);
-  const uint32_t localSize = 4 * v13.maxSubgroupSize;
-  VkSpecializationMapEntry entry{0, 0, 4};
-  VkSpecializationInfo specialization{1, &entry, 4, &localSize};
-  VkPipelineShaderStageRequiredSubgroupSizeCreateInfo required{VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_REQUIRED_SUBGROUP_SIZE_CREATE_INFO, nullptr, v13.maxSubgroupSize};
-  ComputeSpec spec;
-  spec.specialization = &specialization;
-  spec.stageFlags = VK_PIPELINE_SHADER_STAGE_CREATE_REQUIRE_FULL_SUBGROUPS_BIT;
-  if (v13.requiredSubgroupSizeStages & VK_SHADER_STAGE_COMPUTE_BIT) spec.stageNext = &required;
-  Words r = runCompute(device(), R"(
-#extension GL_KHR_shader_subgroup_ballot : require
-layout(local_size_x_id = 0) in;
-layout(binding = 1) buffer Out { uint r[]; };
-void main() {
-  uint lanes = subgroupBallotBitCount(subgroupBallot(true));
-  if (gl_LocalInvocationIndex < 128) r[gl_LocalInvocationIndex] = lanes;
-  if (gl_LocalInvocationIndex == 0) { r[128] = gl_WorkGroupSize.x; r[129] = gl_NumSubgroups; }
-})", Words(1), 130, spec);
-  for (uint32_t i = 0; i < std::min(128u, localSize); i++) EXPECT_EQ(r[i], v13.maxSubgroupSize) << i;
-  EXPECT_EQ(r[128], localSize);
-  EXPECT_EQ(r[129], 4u);
-}
-
-TEST_P(ShaderFeatures, RobustImageAccess) {
-  PUMICE_NEED_FEATURE(device().vulkan13.robustImageAccess);
-  Workspace work(device());
-  ImageSpec imageSpec;
-  imageSpec.format = VK_FORMAT_R32_UINT;
-  imageSpec.extent = {5, 5, 1};
-  imageSpec.usage |= VK_IMAGE_USAGE_STORAGE_BIT;
-  Image image = work.image(imageSpec);
-  VkImageView view = work.view(image);
-  Buffer out = work.bufferOf(Words(64, 77), kStorage);
-  VkDescriptorSetLayout setLayout =
-      makeSetLayout(work, {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)});
-  VkPipelineLayout layout = makePipelineLayout(work, {setLayout});
-  VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 460
-layout(local_size_x = 8, local_size_y = 8) in;
-layout(binding = 0, r32ui) uniform uimage2D image;
-layout(binding = 1) buffer Out { uint r[]; };
-void main() {
-  ivec2 at = ivec2(gl_LocalInvocationID.xy) - 2;
-  imageStore(image, at, uvec4(100 + gl_LocalInvocationIndex));
-  memoryBarrierImage(); barrier();
-  r[gl_LocalInvocationIndex] = imageLoad(image, at).x;
-}
-)"), layout);
-  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, 1}});
-  VkDescriptorSet set = makeSet(work, pool, setLayout);
-  VkDescriptorBufferInfo bufferInfo{out.handle, 0, VK_WHOLE_SIZE};
-  VkDescriptorImageInfo imageInfo{VK_NULL_HANDLE, view, VK_IMAGE_LAYOUT_GENERAL};
-  VkWriteDescriptorSet writes[2] = {writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &bufferInfo), writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, nullptr)};
-  writes[1].pImageInfo = &imageInfo;
-  vkUpdateDescriptorSets(device().handle, 2, writes, 0, nullptr);
-  toGeneral(work, image);
-  device().run([&](VkCommandBuffer commands) {
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
-    vkCmdDispatch(commands, 1, 1, 1);
-    fullBarrier(commands);
-  });
-  Words expected;
-  for (uint32_t i = 0; i < 64; i++) {
-    uint32_t x = i % 8, y = i / 8;
-    expected.push_back(x >= 2 && x < 7 && y >= 2 && y < 7 ? 100 + i : 0);
-  }
-  expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), expected);
-}
-
 TEST_P(ShaderFeatures, FloatAtomics) {
   const auto& f = device().atomicFloat;
   PUMICE_NEED_FEATURE(f.shaderBufferFloat32AtomicAdd && f.shaderSharedFloat32AtomicAdd && f.shaderBufferFloat64AtomicAdd && f.shaderSharedFloat64AtomicAdd &&
-                      f.shaderBufferFloat32Atomics && f.shaderBufferFloat64Atomics);
-  Words in = wordsOf(std::vector<double>{0, 2.5});
+                      f.shaderBufferFloat32Atomics && f.shaderBufferFloat64Atomics && f.shaderSharedFloat32Atomics && f.shaderSharedFloat64Atomics);
+  Words in = wordsOf(std::vector<double>{0, 2.5, 0});
   std::vector<double> r = valuesOf<double>(runCompute(device(), R"(
+#pragma use_vulkan_memory_model
+#extension GL_KHR_memory_scope_semantics : require
 #extension GL_EXT_shader_atomic_float : require
 layout(local_size_x = 64) in;
-layout(binding = 0) buffer In { float sum, last; double wide; };
+layout(binding = 0) buffer In { float sum, last; double wide, lastWide; };
 layout(binding = 1) buffer Out { double r[]; };
-shared float a;
-shared double b;
+shared float a, c;
+shared double b, e;
 void main() {
   if (gl_LocalInvocationIndex == 0) { a = 1.0; b = 3.0LF; }
   barrier();
   atomicAdd(sum, 0.5); atomicAdd(wide, 0.25LF); atomicAdd(a, float(gl_LocalInvocationIndex)); atomicAdd(b, 0.125LF);
-  atomicExchange(last, 7.0);
+  atomicExchange(last, 7.0); atomicExchange(lastWide, 8.0LF); atomicExchange(c, 9.0); atomicExchange(e, 10.0LF);
   barrier();
   memoryBarrierBuffer();
-  if (gl_LocalInvocationIndex == 0) { r[0] = double(sum); r[1] = wide; r[2] = double(a); r[3] = b; r[4] = double(last); }
-})", in, 10));
-  expect(r, std::vector<double>{32, 18.5, 2017, 11, 7});
-}
-
-// Descriptors that point nowhere: reads give zero, writes vanish.
-TEST_P(ShaderFeatures, NullDescriptors) {
-  PUMICE_NEED_FEATURE(device().robustness2.nullDescriptor && device().robustness2.robustBufferAccess2);
-  Workspace work(device());
-  VkDescriptorSetLayout setLayout = makeSetLayout(
-      work, {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER),
-             computeBinding(3, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER), computeBinding(4, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE), computeBinding(5, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE)});
-  VkPipelineLayout layout = makePipelineLayout(work, {setLayout});
-  VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 460
-#extension GL_EXT_samplerless_texture_functions : require
-layout(local_size_x = 1) in;
-layout(binding = 0) buffer Out { uint r[8]; };
-layout(binding = 1) buffer S { uint pad; uint s[]; };
-layout(binding = 2) uniform U { uvec4 u; };
-layout(binding = 3) uniform utextureBuffer t;
-layout(binding = 4) uniform utexture2D i;
-layout(binding = 5, r32ui) uniform uimage2D w;
-void main() {
-  s[3] = 5;
-  imageStore(w, ivec2(0), uvec4(9));
-  r[0] = s[2]; r[1] = u.y; r[2] = texelFetch(t, 0).x; r[3] = texelFetch(i, ivec2(0), 0).x; r[4] = imageLoad(w, ivec2(0)).x;
-  r[5] = s.length(); r[6] = textureSize(i, 0).x + imageSize(w).y + textureSize(t); r[7] = 77;
-}
-)", ShaderTarget::kVulkan13), layout);
-  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2}, {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1}, {VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, 1},
-                                          {VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, 1}, {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, 1}});
-  VkDescriptorSet set = makeSet(work, pool, setLayout);
-  Buffer out = work.bufferOf(Words(8, 1), kStorage);
-  VkDescriptorBufferInfo outInfo{out.handle, 0, VK_WHOLE_SIZE}, none{VK_NULL_HANDLE, 0, VK_WHOLE_SIZE};
-  VkDescriptorImageInfo noImage{VK_NULL_HANDLE, VK_NULL_HANDLE, VK_IMAGE_LAYOUT_GENERAL};
-  VkBufferView noView = VK_NULL_HANDLE;
-  std::vector<VkWriteDescriptorSet> writes = {
-      writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &outInfo), writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &none),
-      writeBuffer(set, 2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, &none), writeBuffer(set, 3, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, nullptr),
-      writeBuffer(set, 4, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, nullptr), writeBuffer(set, 5, VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, nullptr)};
-  writes[3].pTexelBufferView = &noView;
-  writes[4].pImageInfo = writes[5].pImageInfo = &noImage;
-  vkUpdateDescriptorSets(device().handle, uint32_t(writes.size()), writes.data(), 0, nullptr);
-  device().run([&](VkCommandBuffer commands) {
-    vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
-    vkCmdDispatch(commands, 1, 1, 1);
-    fullBarrier(commands);
-  });
-  expect(valuesOf<uint32_t>(wordsOf(bytesOf(out))), Words{0, 0, 0, 0, 0, 0, 0, 77});
-}
-
-TEST_P(ShaderFeatures, OlderSubgroupExtensions) {
-  PUMICE_NEED_FEATURE(device().has(VK_EXT_SHADER_SUBGROUP_BALLOT_EXTENSION_NAME) && device().has(VK_EXT_SHADER_SUBGROUP_VOTE_EXTENSION_NAME) && device().features.shaderInt64);
-  Words r = runCompute(device(), R"(
-#extension GL_ARB_shader_ballot : require
-#extension GL_ARB_shader_group_vote : require
-#extension GL_ARB_gpu_shader_int64 : require
-layout(local_size_x = 64) in;
-layout(binding = 1) buffer Out { uint r[]; };
-void main() {
-  uint i = gl_LocalInvocationIndex, lane = gl_SubGroupInvocationARB;
-  uint64_t even = ballotARB((lane & 1) == 0);
-  bool right = (uint(even) & 3) == 1;
-  right = right && readFirstInvocationARB(lane) == 0 && readInvocationARB(lane * 3, 2) == 6;
-  right = right && anyInvocationARB(lane == 1) && !allInvocationsARB(lane == 1) && allInvocationsEqualARB(lane < 1000);
-  r[i] = right ? 1 : 0;
-})", Words(1), 64);
-  expect(r, Words(64, 1));
+  if (gl_LocalInvocationIndex == 0) {
+    r[0] = double(sum); r[1] = wide; r[2] = double(a); r[3] = b; r[4] = double(last); r[5] = lastWide; r[6] = double(c); r[7] = e;
+    atomicStore(c, 11.5, gl_ScopeWorkgroup, 0, 0); atomicStore(e, 12.5LF, gl_ScopeWorkgroup, 0, 0);
+    atomicStore(sum, 13.5, gl_ScopeWorkgroup, 0, 0); atomicStore(wide, 14.5LF, gl_ScopeWorkgroup, 0, 0);
+    r[8] = double(atomicLoad(c, gl_ScopeWorkgroup, 0, 0)); r[9] = atomicLoad(e, gl_ScopeWorkgroup, 0, 0);
+    r[10] = double(atomicLoad(sum, gl_ScopeWorkgroup, 0, 0)); r[11] = atomicLoad(wide, gl_ScopeWorkgroup, 0, 0);
+  }
+})", in, 24));
+  expect(r, std::vector<double>{32, 18.5, 2017, 11, 7, 8, 9, 10, 11.5, 12.5, 13.5, 14.5});
 }
 
 // What GLSL cannot say: pointers that differ from lane to lane, into two buffers and into work-group memory.

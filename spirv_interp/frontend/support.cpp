@@ -159,8 +159,8 @@ constexpr AcceptedMode kModes[] = {
     {M::DepthGreater},       {M::DepthLess},           {M::DepthUnchanged},
     {M::LocalSize},          {M::LocalSizeId},         {M::SubgroupUniformControlFlowKHR},
     {M::StencilRefReplacingEXT},
-    {M::DenormPreserve, k32 | k64},
-    {M::SignedZeroInfNanPreserve, k32},
+    {M::DenormPreserve, k16 | k32 | k64},
+    {M::SignedZeroInfNanPreserve, k16 | k32 | k64},
     {M::RoundingModeRTE, k16 | k32 | k64},
 };
 

@@ -411,7 +411,8 @@ void main() { r = subgroupAdd(a) + subgroupQuadSwapDiagonal(a) * float(gl_Subgro
 
 TEST(Coverage, FloatControls) {
   for (auto [mode, good] : {std::pair("DenormPreserve 32", true), {"SignedZeroInfNanPreserve 32", true}, {"RoundingModeRTE 32", true},
-                            {"DenormPreserve 16", false}}) {
+                            {"DenormPreserve 16", true},
+                            {"SignedZeroInfNanPreserve 64", true}, {"RoundingModeRTZ 32", false}, {"DenormFlushToZero 16", false}}) {
     std::string name = mode, capability = name.substr(0, name.find(' ')), log;
     auto words = test::assemble("OpCapability Shader\nOpCapability " + capability + R"(
 OpExtension "SPV_KHR_float_controls"

@@ -66,8 +66,8 @@ TEST(Support, ExecutionModesOfOtherStagesAreRefused) {
   EXPECT_EQ(taken, 13u);
   EXPECT_TRUE(whyNotExecutionMode(uint32_t(M::DenormFlushToZero), 32));
   EXPECT_TRUE(whyNotExecutionMode(uint32_t(M::RoundingModeRTZ), 32));
-  EXPECT_TRUE(whyNotExecutionMode(uint32_t(M::DenormPreserve), 16));
-  EXPECT_FALSE(whyNotExecutionMode(uint32_t(M::DenormPreserve), 64));
+  EXPECT_FALSE(whyNotExecutionMode(uint32_t(M::DenormPreserve), 16));
+  EXPECT_FALSE(whyNotExecutionMode(uint32_t(M::SignedZeroInfNanPreserve), 64));
   EXPECT_TRUE(whyNotExecutionMode(uint32_t(M::OutputVertices), 0));
 }
 
