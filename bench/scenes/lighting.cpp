@@ -195,7 +195,7 @@ struct Shadow : DrawScene {
     spec.compare = VK_COMPARE_OP_LESS_OR_EQUAL;
     spec.sets = {set.layout};
     PipelineSpec caster = spec;
-    caster.depthBias = {4.0f, 1.5f};
+    caster.depthBias = {16.0f, 4.0f};
     caster.vertex = head + R"(
 layout(location = 0) in vec3 position;
 void main() { gl_Position = light * vec4(position, 1.0); }

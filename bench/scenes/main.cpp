@@ -117,7 +117,13 @@ int run(int argc, char** argv) {
 
   unsetenv("VK_DRIVER_FILES");  // it would win over VK_ICD_FILENAMES
   setenv("VK_ICD_FILENAMES", driver.c_str(), 1);
-  cts::VulkanInstance instance(cts::validationRequested());
+  std::vector<const char*> instanceExtensions, deviceExtensions;
+  if (entry->window) {
+    instanceExtensions = {VK_KHR_SURFACE_EXTENSION_NAME, "VK_KHR_xcb_surface"};
+    deviceExtensions = {VK_KHR_SWAPCHAIN_EXTENSION_NAME};
+  }
+  cts::VulkanInstance instance(cts::validationRequested(), instanceExtensions);
+  options.instance = instance.handle();
   VkPhysicalDevice physical = instance.find("");
   if (!physical) {
     std::cerr << "pumice_scenes: no device from " << driver << "\n";
@@ -126,7 +132,7 @@ int run(int argc, char** argv) {
   VkPhysicalDeviceFeatures has{}, wanted{};
   vkGetPhysicalDeviceFeatures(physical, &has);
   wanted.samplerAnisotropy = has.samplerAnisotropy;
-  Device device(physical, wanted, {});
+  Device device(physical, wanted, deviceExtensions);
   const double deviceMade = seconds(CLOCK_MONOTONIC);
   std::unique_ptr<Scene> scene = entry->make(device, options);
   const double ready = seconds(CLOCK_MONOTONIC);

@@ -17,6 +17,7 @@ const SceneTable& allScenes() {
     addPostScenes(table);
     addComputeScenes(table);
     addCopyScenes(table);
+    addPresentScenes(table);
     return table;
   }();
   return kTable;

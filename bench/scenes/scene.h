@@ -22,6 +22,7 @@ using cts::PipelineSpec;
 
 struct Options {
   uint32_t width = 1280, height = 720;
+  VkInstance instance = VK_NULL_HANDLE;  // for windows
   uint64_t amount = 0;  // of the scene's own measure (triangles, draws, elements); 0: its usual number
 };
 
@@ -85,7 +86,8 @@ struct SceneEntry {
   const char* what;
   std::unique_ptr<Scene> (*make)(Device&, const Options&);
   Limit limit = Limit::kNone;
-  bool once = false;  // only the first frame counts, as what it measures is kept by drivers
+  bool window = false;  // needs an X server
+  bool once = false;    // only the first frame counts, as what it measures is kept by drivers
 };
 
 template <class T>
@@ -103,5 +105,6 @@ void addLightingScenes(SceneTable& table);
 void addPostScenes(SceneTable& table);
 void addComputeScenes(SceneTable& table);
 void addCopyScenes(SceneTable& table);
+void addPresentScenes(SceneTable& table);
 
 }  // namespace pumice::bench

@@ -109,7 +109,7 @@ void main() {
 
 void addShadingScenes(SceneTable& table) {
   table.push_back({"alu", "a fragment shader of 4,000 operations", makeScene<Alu>, Limit::kArithmetic});
-  table.push_back({"pipelines_200", "200 pipelines made and drawn once", makeScene<Pipelines>, Limit::kNone, true});
+  table.push_back({"pipelines_200", "200 pipelines made and drawn once", makeScene<Pipelines>, Limit::kNone, false, true});
 }
 
 }  // namespace pumice::bench
