@@ -7,6 +7,7 @@
 #include <spirv-tools/libspirv.h>
 
 #include "spirv_interp/frontend/shader.h"
+#include "spirv_interp/ir/checks.h"
 
 namespace pumice::frontend {
 
@@ -345,12 +346,14 @@ base::Status validate(const std::vector<uint32_t>& words) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words) {
+base::Status validateModule(const Module& module) { return canBeValidated(module) ? validate(module.words) : base::Status(); }
+
+Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate when) {
   try {
     auto module = std::make_shared<Module>();
     module->words.assign(words.begin(), words.end());
     PUMICE_TRY(module->cut());
-    if (canBeValidated(*module)) PUMICE_TRY(validate(module->words));
+    if (when == Validate::Always || (ir::wantedChecks() & ir::kCheckModule)) PUMICE_TRY(validateModule(*module));
     return std::shared_ptr<const Module>(std::move(module));
   } catch (const std::bad_alloc&) {
     return base::errorf("SPIR-V: out of memory while parsing %zu words", words.size());

@@ -75,10 +75,16 @@ struct Shader {
 
 struct SpecializationConstant { uint32_t id; std::vector<std::byte> data; };
 
-//! Parsed and validated module, shared by the pipelines made from it. `validate` runs SPIRV-Tools' validator
-//! for the given Vulkan version; an invalid module gives an error with its text.
+//! Parsed module, shared by the pipelines made from it. The translator survives any words (it is fuzzed), and a valid module is
+//! the application's business; SPIRV-Tools' validator takes longer than everything else that a pipeline needs.
 class Module;
-base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words);
+enum class Validate : uint8_t {
+  Always,      //!< an invalid module gives an error with the validator's text
+  WhenAsked,   //!< only with PUMICE_CHECK=spirv
+};
+base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate validate = Validate::Always);
+//! What the validator has against a module: why a translation failed, maybe.
+base::Status validateModule(const Module& module);
 
 //! Errors name what is invalid or not supported (opcode, capability) and where.
 base::Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,

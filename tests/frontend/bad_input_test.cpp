@@ -79,6 +79,21 @@ TEST(BadInput, ForeignEndianness) {
   EXPECT_TRUE(translate(**module, Stage::Fragment, "main", {}).hasValue());
 }
 
+// Pipelines are made without the validator; what it says is there when it is asked.
+TEST(BadInput, TheValidatorIsRunWhenAsked) {
+  int refused = 0;
+  for (size_t at = 5; at < words().size() && !refused; at++) {
+    auto w = words();
+    w[at]++;
+    if (!translateUnchecked(w) || parseModule(w).hasValue()) continue;
+    auto module = parseModule(w, Validate::WhenAsked);
+    ASSERT_TRUE(module.hasValue()) << module.error().message;
+    EXPECT_NE(validateModule(**module).error().message.find("invalid"), std::string::npos);
+    refused++;
+  }
+  EXPECT_EQ(refused, 1) << "no change of one word that the translator takes and the validator does not";
+}
+
 TEST(BadInput, AbsurdIdBound) {
   auto w = words();
   w[3] = 0xffffffff;
