@@ -41,7 +41,8 @@ TEST(Invariance, GalleryHasTheSameBitsWithEveryThreadCountAndInstructionSet) {
   ASSERT_GT(usual.size(), 20u);
   // An instruction set that this processor lacks is replaced by the best one, with a message: no harm.
   for (const char* setting :
-       {"PUMICE_THREADS=1", "PUMICE_THREADS=7", "PUMICE_ISA=scalar", "PUMICE_ISA=sse4", "PUMICE_ISA=avx2"}) {
+       {"PUMICE_THREADS=1", "PUMICE_THREADS=7", "PUMICE_ENGINE=interp", "PUMICE_ENGINE=jit", "PUMICE_ISA=scalar",
+        "PUMICE_ISA=sse4", "PUMICE_ISA=avx2"}) {
     auto other = galleryWith(setting);
     ASSERT_EQ(other.size(), usual.size()) << setting;
     for (const auto& [name, bytes] : usual)
