@@ -1,7 +1,9 @@
 #include "base/env.h"
 
+#include <atomic>
 #include <charconv>
 #include <cstdlib>
+#include <functional>
 
 #include "base/log.h"
 
@@ -14,6 +16,14 @@ constexpr EnvInfo kTable[] = {
     PUMICE_ENV_LIST(PUMICE_ENV_ROW)
 #undef PUMICE_ENV_ROW
 };
+
+// The text of each variable that was complained about last: what is read in several places is said once.
+constinit std::atomic<size_t> complained[std::size(kTable)] = {};
+
+bool firstComplaint(EnvVar variable, const std::string& text) {
+  const size_t mark = std::hash<std::string>{}(text) | 1;
+  return complained[int(variable)].exchange(mark, std::memory_order_relaxed) != mark;
+}
 
 }  // namespace
 
@@ -34,8 +44,9 @@ std::optional<int64_t> envInteger(EnvVar variable, int64_t lowest, int64_t highe
   const char* end = text->data() + text->size();
   auto [stop, problem] = std::from_chars(text->data(), end, number);
   if (problem != std::errc() || stop != end || number < lowest || number > highest) {
-    logError("%s=%s is not a number from %lld to %lld", envInfo(variable).name, text->c_str(),
-             (long long)lowest, (long long)highest);
+    if (firstComplaint(variable, *text))
+      logError("%s=%s is not a number from %lld to %lld", envInfo(variable).name, text->c_str(),
+               (long long)lowest, (long long)highest);
     return std::nullopt;
   }
   return number;
@@ -48,7 +59,7 @@ bool envFlag(EnvVar variable, bool fallback) {
     if (*text == word) return true;
   for (const char* word : {"0", "off", "false", "no"})
     if (*text == word) return false;
-  logError("%s=%s is neither on nor off", envInfo(variable).name, text->c_str());
+  if (firstComplaint(variable, *text)) logError("%s=%s is neither on nor off", envInfo(variable).name, text->c_str());
   return fallback;
 }
 

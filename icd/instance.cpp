@@ -65,6 +65,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkEnumerateDeviceLayerProperties(VkPhysicalDevice
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateInstance(const VkInstanceCreateInfo* info, const VkAllocationCallbacks* callbacks, VkInstance* out) {
+  base::logEnabled(base::LogLevel::Error);   // reads PUMICE_LOG: a wrong value is named even if nothing else is said
   ExtensionSet enabled;
   for (uint32_t i = 0; i < info->enabledExtensionCount; i++) {
     size_t e = findExtension(info->ppEnabledExtensionNames[i]);

@@ -46,6 +46,18 @@ TEST(Env, NumbersOutOfRangeOrWithTrailingTextAreRefused) {
   ::unsetenv("PUMICE_THREADS");
 }
 
+TEST(Env, AWrongValueIsNamedOnceHoweverOftenItIsRead) {
+  int said = 0;
+  ScopedLogSink sink([&](LogLevel, std::string_view) { said++; });
+  ::setenv("PUMICE_THREADS", "seven", 1);
+  for (int i = 0; i < 3; i++) EXPECT_FALSE(envInteger(EnvVar::Threads, 1, 12));
+  EXPECT_EQ(said, 1);
+  ::setenv("PUMICE_THREADS", "eight", 1);
+  EXPECT_FALSE(envInteger(EnvVar::Threads, 1, 12));
+  EXPECT_EQ(said, 2);
+  ::unsetenv("PUMICE_THREADS");
+}
+
 TEST(Env, FlagsTakeTheUsualWords) {
   std::string said;
   ScopedLogSink sink([&](LogLevel, std::string_view text) { said = text; });
