@@ -92,7 +92,10 @@ const pipeline::DrawState* CommandBuffer::captureDraw() {
 }
 
 CommandPool::~CommandPool() {
-  for (CommandBuffer* b : buffers) destroyObject(allocator, b);
+  while (CommandBuffer* b = buffers.first()) {
+    buffers.erase(b);
+    destroyObject(allocator, b);
+  }
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateCommandPool(VkDevice handle, const VkCommandPoolCreateInfo*, const VkAllocationCallbacks* callbacks, VkCommandPool* out) {
@@ -106,7 +109,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateCommandPool(VkDevice handle, const VkComm
 VKAPI_ATTR void VKAPI_CALL vkDestroyCommandPool(VkDevice device, VkCommandPool pool, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(pool)); }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkResetCommandPool(VkDevice, VkCommandPool pool, VkCommandPoolResetFlags flags) {
-  for (CommandBuffer* b : from(pool)->buffers) {
+  for (CommandBuffer* b = from(pool)->buffers.first(); b; b = b->next) {
     b->reset();
     if (flags & VK_COMMAND_POOL_RESET_RELEASE_RESOURCES_BIT) b->arena.release();
   }
@@ -114,26 +117,20 @@ VKAPI_ATTR VkResult VKAPI_CALL vkResetCommandPool(VkDevice, VkCommandPool pool, 
 }
 
 VKAPI_ATTR void VKAPI_CALL vkTrimCommandPool(VkDevice, VkCommandPool pool, VkCommandPoolTrimFlags) {
-  for (CommandBuffer* b : from(pool)->buffers)
+  for (CommandBuffer* b = from(pool)->buffers.first(); b; b = b->next)
     if (!b->head) b->arena.release();
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkAllocateCommandBuffers(VkDevice device, const VkCommandBufferAllocateInfo* info, VkCommandBuffer* out) {
   CommandPool& pool = *from(info->commandPool);
   for (uint32_t i = 0; i < info->commandBufferCount; i++) {
-    auto* buffer = makeObject<CommandBuffer>(pool.allocator, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT, *from(device), pool, info->level);
-    bool failed = !buffer;
-    if (buffer) try {
-        pool.buffers.insert(buffer);
-      } catch (const std::bad_alloc&) {
-        destroyObject(pool.allocator, buffer);
-        failed = true;
-      }
-    if (failed) {
+    auto* buffer = makeObject<CommandBuffer>(pool.allocator, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT, *from(device), pool, pool.allocator, info->level);
+    if (!buffer) {
       vkFreeCommandBuffers(device, info->commandPool, i, out);
       std::fill_n(out, info->commandBufferCount, VkCommandBuffer(VK_NULL_HANDLE));
       return VK_ERROR_OUT_OF_HOST_MEMORY;
     }
+    pool.buffers.insert(buffer);
     out[i] = to<VkCommandBuffer>(buffer);
   }
   return VK_SUCCESS;

@@ -3,10 +3,9 @@
 
 #include <new>
 #include <span>
-#include <unordered_set>
 #include <vector>
 
-#include "base/arena.h"
+#include "icd/command_arena.h"
 #include "icd/descriptors.h"
 #include "icd/extended_state.h"
 #include "icd/pipelines.h"
@@ -68,7 +67,7 @@ struct Execution {
 struct CommandPool;
 
 struct CommandBuffer : Dispatchable {
-  CommandBuffer(Device& d, CommandPool& p, VkCommandBufferLevel l) : device(d), pool(p), level(l) {}
+  CommandBuffer(Device& d, CommandPool& p, const HostAllocator& a, VkCommandBufferLevel l) : device(d), pool(p), level(l), arena(a) {}
   ~CommandBuffer() { reset(); }
 
   //! Appends a command: anything callable with an Execution&. Dropped, and vkEndCommandBuffer fails, when memory runs out.
@@ -103,7 +102,8 @@ struct CommandBuffer : Dispatchable {
   Device& device;
   CommandPool& pool;
   VkCommandBufferLevel level;
-  base::Arena arena;
+  CommandBuffer *previous = nullptr, *next = nullptr;   //!< of the pool
+  CommandArena arena;
   Command* head = nullptr;
   Command** tail = &head;
   bool outOfMemory = false;
@@ -130,7 +130,7 @@ struct CommandPool {
   explicit CommandPool(HostAllocator a) : allocator(a) {}
   ~CommandPool();
   HostAllocator allocator;
-  std::unordered_set<CommandBuffer*> buffers;
+  PoolList<CommandBuffer> buffers;
 };
 
 PUMICE_HANDLE(CommandBuffer, VkCommandBuffer)

@@ -13,7 +13,7 @@ namespace {
 template <typename Region, typename Region2>
 std::span<const Region> firstForm(VkCommandBuffer buffer, const Region2* regions, uint32_t count) {
   CommandBuffer& cb = *from(buffer);
-  Region* out = cb.arena.alloc<Region>(count);
+  auto* out = static_cast<Region*>(cb.arena.allocBytes(count * sizeof(Region), alignof(Region)));
   if (!out) {
     cb.outOfMemory = true;
     return {};

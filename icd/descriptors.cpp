@@ -238,13 +238,7 @@ VkResult DescriptorPool::allocate(const DescriptorSetLayout& handle, uint32_t va
   }
   set->layout = handle.layout;
   set->pool = this;
-  try {
-    sets.insert(set);
-  } catch (const std::bad_alloc&) {
-    allocator.free(set->memory);
-    destroyObject(allocator, set);
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
-  }
+  sets.insert(set);
   available = rest;
   if (set->memory) initSetMemory(*set);
   *out = set;
@@ -260,7 +254,7 @@ void DescriptorPool::free(DescriptorSet* set) {
 }
 
 void DescriptorPool::reset() {
-  while (!sets.empty()) free(*sets.begin());
+  while (sets.first()) free(sets.first());
 }
 
 DescriptorPool::~DescriptorPool() { reset(); }
@@ -350,7 +344,7 @@ VKAPI_ATTR void VKAPI_CALL vkUpdateDescriptorSets(VkDevice, uint32_t writes, con
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorUpdateTemplate(VkDevice device, const VkDescriptorUpdateTemplateCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorUpdateTemplate* out) {
-  auto* t = from(device)->make<DescriptorUpdateTemplate>(callbacks);
+  auto* t = from(device)->make<DescriptorUpdateTemplate>(callbacks, from(device)->allocatorFor(callbacks));
   if (!t) return VK_ERROR_OUT_OF_HOST_MEMORY;
   try {
     t->entries.assign(info->pDescriptorUpdateEntries, info->pDescriptorUpdateEntries + info->descriptorUpdateEntryCount);

@@ -3,9 +3,8 @@
 
 #include <array>
 #include <memory>
-#include <unordered_set>
-#include <vector>
 
+#include "icd/host_containers.h"
 #include "icd/resources.h"
 #include "pipeline/layout.h"
 
@@ -22,6 +21,7 @@ struct DescriptorUpdateTemplate;
 struct DescriptorSet {
   std::shared_ptr<const pipeline::SetLayout> layout;
   DescriptorPool* pool = nullptr;
+  DescriptorSet *previous = nullptr, *next = nullptr;   //!< of the pool
   std::byte* memory = nullptr;   //!< `size` bytes, 64-byte aligned, zero = null descriptors
   uint32_t size = 0;             //!< layout->size, or less where a variable count was given
   uint32_t variableCount = 0;    //!< elements of the variable binding, if there is one
@@ -43,14 +43,15 @@ struct DescriptorPool {
   HostAllocator allocator;
   uint32_t maxSets = 0;
   std::array<uint32_t, kInlineBytes + 1> available{};
-  std::unordered_set<DescriptorSet*> sets;
+  PoolList<DescriptorSet> sets;
   VkResult allocate(const DescriptorSetLayout& layout, uint32_t variableCount, DescriptorSet** out);
   void free(DescriptorSet* set);
   void reset();
 };
 
 struct DescriptorUpdateTemplate {
-  std::vector<VkDescriptorUpdateTemplateEntry> entries;
+  explicit DescriptorUpdateTemplate(const HostAllocator& a) : entries(HostStl<VkDescriptorUpdateTemplateEntry>(a)) {}
+  HostVector<VkDescriptorUpdateTemplateEntry> entries;
   VkPipelineBindPoint bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;   //!< of push descriptors
 };
 

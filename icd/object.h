@@ -1,6 +1,8 @@
 // Handles and host memory of Vulkan objects. A dispatchable handle points at an object whose first word is the
-// loader's; a non-dispatchable one is the object's address. VkAllocationCallbacks are honoured for every object
-// (Vulkan spec, "Memory Allocation"): the create call's, else the device's or the instance's, else malloc.
+// loader's; a non-dispatchable one is the object's address. VkAllocationCallbacks are honoured for every object, its
+// arrays (host_containers.h) and recorded commands (Vulkan spec, "Memory Allocation"): the create call's, else the
+// device's or the instance's, else malloc. What may outlive the object that it was made for (layouts, pipelines that
+// command buffers hold) and the compiler's own work come from malloc.
 #pragma once
 
 #include <cstdlib>
@@ -30,6 +32,10 @@ class HostAllocator {
     if (own_) return callbacks_.pfnAllocation(callbacks_.pUserData, size, alignment, scope);
     void* memory = nullptr;
     return posix_memalign(&memory, alignment < sizeof(void*) ? sizeof(void*) : alignment, size ? size : 1) ? nullptr : memory;
+  }
+  bool operator==(const HostAllocator& other) const {
+    return own_ == other.own_ && (!own_ || (callbacks_.pUserData == other.callbacks_.pUserData && callbacks_.pfnAllocation == other.callbacks_.pfnAllocation &&
+                                            callbacks_.pfnFree == other.callbacks_.pfnFree));
   }
   void free(void* memory) const {
     if (!memory) return;

@@ -241,7 +241,7 @@ VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, con
 }  // namespace
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateShaderModule(VkDevice device, const VkShaderModuleCreateInfo* info, const VkAllocationCallbacks* callbacks, VkShaderModule* out) {
-  auto* module = from(device)->make<ShaderModule>(callbacks);
+  auto* module = from(device)->make<ShaderModule>(callbacks, from(device)->allocatorFor(callbacks));
   if (!module) return VK_ERROR_OUT_OF_HOST_MEMORY;
   try {
     module->words.assign(info->pCode, info->pCode + info->codeSize / 4);
@@ -256,7 +256,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateShaderModule(VkDevice device, const VkSha
 VKAPI_ATTR void VKAPI_CALL vkDestroyShaderModule(VkDevice device, VkShaderModule module, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(module)); }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreatePipelineCache(VkDevice handle, const VkPipelineCacheCreateInfo*, const VkAllocationCallbacks* callbacks, VkPipelineCache* out) {
-  auto* cache = from(handle)->make<PipelineCache>(callbacks);
+  auto* cache = from(handle)->make<PipelineCache>(callbacks, from(handle)->allocatorFor(callbacks));
   if (!cache) return VK_ERROR_OUT_OF_HOST_MEMORY;
   const auto& p = from(handle)->physical.properties;
   VkPipelineCacheHeaderVersionOne header{sizeof header, VK_PIPELINE_CACHE_HEADER_VERSION_ONE, p.vendorID, p.deviceID, {}};

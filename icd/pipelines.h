@@ -3,22 +3,24 @@
 
 #include <memory>
 #include <mutex>
-#include <vector>
 
 #include "icd/device.h"
 #include "icd/extended_state.h"
+#include "icd/host_containers.h"
 #include "pipeline/pipeline.h"
 
 namespace pumice::icd {
 
 struct ShaderModule {
-  std::vector<uint32_t> words;
+  explicit ShaderModule(const HostAllocator& a) : words(HostStl<uint32_t>(a)) {}
+  HostVector<uint32_t> words;
   std::mutex mutex;
   std::shared_ptr<const frontend::Module> module;   //!< parsed and validated on first use
 };
 
 struct PipelineCache {
-  std::vector<std::byte> data;   //!< the standard header alone: nothing is cached yet
+  explicit PipelineCache(const HostAllocator& a) : data(HostStl<std::byte>(a)) {}
+  HostVector<std::byte> data;   //!< the standard header alone: nothing is cached yet
 };
 
 struct Pipeline {

@@ -8,26 +8,27 @@ namespace pumice::icd {
 namespace {
 
 template <typename Reference>
-std::vector<uint32_t> numbers(const Reference* references, uint32_t count) {
-  std::vector<uint32_t> out;
-  if (references)
-    for (uint32_t i = 0; i < count; i++) out.push_back(references[i].attachment);
-  return out;
+void addNumbers(HostVector<uint32_t>& out, const Reference* references, uint32_t count) {
+  if (!references) return;
+  out.reserve(count);
+  for (uint32_t i = 0; i < count; i++) out.push_back(references[i].attachment);
 }
 
 // The two create-info structures have the same member names.
 template <typename Info>
 void fill(RenderPass& pass, const Info& info) {
+  pass.attachments.reserve(info.attachmentCount);
+  pass.subpasses.reserve(info.subpassCount);
   for (uint32_t i = 0; i < info.attachmentCount; i++) {
     const auto& a = info.pAttachments[i];
     pass.attachments.push_back({a.format, uint32_t(a.samples), a.loadOp, a.stencilLoadOp, a.storeOp, a.stencilStoreOp});
   }
   for (uint32_t i = 0; i < info.subpassCount; i++) {
     const auto& s = info.pSubpasses[i];
-    Subpass out;
-    out.colors = numbers(s.pColorAttachments, s.colorAttachmentCount);
-    out.resolves = numbers(s.pResolveAttachments, s.colorAttachmentCount);
-    out.inputs = numbers(s.pInputAttachments, s.inputAttachmentCount);
+    Subpass& out = pass.subpasses.emplace_back(pass.subpasses.get_allocator().allocator);
+    addNumbers(out.colors, s.pColorAttachments, s.colorAttachmentCount);
+    addNumbers(out.resolves, s.pResolveAttachments, s.colorAttachmentCount);
+    addNumbers(out.inputs, s.pInputAttachments, s.inputAttachmentCount);
     if (s.pDepthStencilAttachment) out.depthStencil = s.pDepthStencilAttachment->attachment;
     if constexpr (requires { s.viewMask; }) {
       out.viewMask = s.viewMask;
@@ -38,7 +39,6 @@ void fill(RenderPass& pass, const Info& info) {
         out.stencilResolve = resolve->stencilResolveMode;
       }
     }
-    pass.subpasses.push_back(std::move(out));
   }
   if (auto* m = findInChain<VkRenderPassMultiviewCreateInfo>(info.pNext, VK_STRUCTURE_TYPE_RENDER_PASS_MULTIVIEW_CREATE_INFO))
     for (uint32_t i = 0; i < m->subpassCount && i < info.subpassCount; i++) pass.subpasses[i].viewMask = m->pViewMasks[i];
@@ -46,7 +46,7 @@ void fill(RenderPass& pass, const Info& info) {
 
 template <typename Info>
 VkResult create(VkDevice device, const Info* info, const VkAllocationCallbacks* callbacks, VkRenderPass* out) {
-  auto* pass = from(device)->make<RenderPass>(callbacks);
+  auto* pass = from(device)->make<RenderPass>(callbacks, from(device)->allocatorFor(callbacks));
   if (!pass) return VK_ERROR_OUT_OF_HOST_MEMORY;
   try {
     fill(*pass, *info);
@@ -71,7 +71,7 @@ pipeline::Attachment attachmentOf(const ImageView& view) {
 }
 
 bool Subpass::uses(uint32_t attachment) const {
-  auto in = [&](const std::vector<uint32_t>& list) { return std::find(list.begin(), list.end(), attachment) != list.end(); };
+  auto in = [&](const HostVector<uint32_t>& list) { return std::find(list.begin(), list.end(), attachment) != list.end(); };
   return attachment == depthStencil || attachment == depthStencilResolve || in(colors) || in(resolves) || in(inputs);
 }
 
@@ -142,14 +142,16 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyRenderPass(VkDevice device, VkRenderPass pas
 VKAPI_ATTR void VKAPI_CALL vkGetRenderAreaGranularity(VkDevice, VkRenderPass, VkExtent2D* out) { *out = {1, 1}; }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateFramebuffer(VkDevice device, const VkFramebufferCreateInfo* info, const VkAllocationCallbacks* callbacks, VkFramebuffer* out) {
-  auto* framebuffer = from(device)->make<Framebuffer>(callbacks);
+  auto* framebuffer = from(device)->make<Framebuffer>(callbacks, from(device)->allocatorFor(callbacks));
   if (!framebuffer) return VK_ERROR_OUT_OF_HOST_MEMORY;
   framebuffer->width = info->width;
   framebuffer->height = info->height;
   framebuffer->layers = info->layers;
   try {
-    if (!(info->flags & VK_FRAMEBUFFER_CREATE_IMAGELESS_BIT))
+    if (!(info->flags & VK_FRAMEBUFFER_CREATE_IMAGELESS_BIT)) {
+      framebuffer->views.reserve(info->attachmentCount);
       for (uint32_t i = 0; i < info->attachmentCount; i++) framebuffer->views.push_back(from(info->pAttachments[i]));
+    }
   } catch (const std::bad_alloc&) {
     from(device)->destroy(callbacks, framebuffer);
     return VK_ERROR_OUT_OF_HOST_MEMORY;

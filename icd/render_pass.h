@@ -2,8 +2,7 @@
 #pragma once
 
 #include <span>
-#include <vector>
-
+#include "icd/host_containers.h"
 #include "icd/resources.h"
 #include "pipeline/execute.h"
 
@@ -17,7 +16,8 @@ struct AttachmentInfo {
 };
 
 struct Subpass {
-  std::vector<uint32_t> colors, resolves, inputs;   //!< VK_ATTACHMENT_UNUSED where absent; resolves is empty or as long as colors
+  explicit Subpass(const HostAllocator& a) : colors(HostStl<uint32_t>(a)), resolves(HostStl<uint32_t>(a)), inputs(HostStl<uint32_t>(a)) {}
+  HostVector<uint32_t> colors, resolves, inputs;   //!< VK_ATTACHMENT_UNUSED where absent; resolves is empty or as long as colors
   uint32_t depthStencil = VK_ATTACHMENT_UNUSED, depthStencilResolve = VK_ATTACHMENT_UNUSED;
   VkResolveModeFlagBits depthResolve = VK_RESOLVE_MODE_NONE, stencilResolve = VK_RESOLVE_MODE_NONE;
   uint32_t viewMask = 0;
@@ -25,14 +25,16 @@ struct Subpass {
 };
 
 struct RenderPass {
-  std::vector<AttachmentInfo> attachments;
-  std::vector<Subpass> subpasses;
+  explicit RenderPass(const HostAllocator& a) : attachments(HostStl<AttachmentInfo>(a)), subpasses(HostStl<Subpass>(a)) {}
+  HostVector<AttachmentInfo> attachments;
+  HostVector<Subpass> subpasses;
   //! Load ops happen in the first subpass that uses an attachment (and, in multiview, has the view).
   bool firstUse(uint32_t attachment, uint32_t subpass, uint32_t view) const;
 };
 
 struct Framebuffer {
-  std::vector<ImageView*> views;    //!< empty when imageless
+  explicit Framebuffer(const HostAllocator& a) : views(HostStl<ImageView*>(a)) {}
+  HostVector<ImageView*> views;    //!< empty when imageless
   uint32_t width = 0, height = 0, layers = 1;
 };
 

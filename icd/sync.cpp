@@ -141,7 +141,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetCalibratedTimestampsEXT(VkDevice, uint32_t c
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateQueryPool(VkDevice device, const VkQueryPoolCreateInfo* info, const VkAllocationCallbacks* callbacks, VkQueryPool* out) {
   if (info->queryType > VK_QUERY_TYPE_TIMESTAMP) return VK_ERROR_FEATURE_NOT_PRESENT;
-  auto* pool = from(device)->make<QueryPool>(callbacks);
+  auto* pool = from(device)->make<QueryPool>(callbacks, from(device)->allocatorFor(callbacks));
   if (!pool) return VK_ERROR_OUT_OF_HOST_MEMORY;
   pool->type = info->queryType;
   pool->statistics = info->pipelineStatistics;

@@ -5,9 +5,9 @@
 #include <condition_variable>
 #include <ctime>
 #include <mutex>
-#include <vector>
 
 #include "icd/device.h"
+#include "icd/host_containers.h"
 #include "pipeline/execute.h"
 
 namespace pumice::icd {
@@ -90,9 +90,10 @@ struct Query {
 };
 
 struct QueryPool {
+  explicit QueryPool(const HostAllocator& a) : queries(HostStl<Query>(a)) {}
   VkQueryType type = VK_QUERY_TYPE_OCCLUSION;
   VkQueryPipelineStatisticFlags statistics = 0;
-  std::vector<Query> queries;
+  HostVector<Query> queries;
 };
 
 PUMICE_HANDLE(Fence, VkFence)

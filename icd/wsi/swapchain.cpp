@@ -3,10 +3,13 @@
 #include <sys/mman.h>
 
 #include <algorithm>
+#include <mutex>
+#include <utility>
 #include <vector>
 
 #include "base/log.h"
 #include "entrypoints.h"
+#include "icd/host_containers.h"
 #include "icd/queue.h"
 #include "icd/wsi/window_system.h"
 
@@ -19,18 +22,28 @@ struct SwapchainImage {
 
 //! Flags and counters are guarded by the device's SyncHub.
 struct Swapchain {
-  Device* device = nullptr;
+  Swapchain(Device& d, const HostAllocator& a) : device(&d), images(HostStl<SwapchainImage>(a)) {}
+  Device* device;
   const VkIcdSurfaceBase* surface = nullptr;
   VkExtent2D extent{};
   bool fifo = true;
   std::unique_ptr<Window> window;  //!< null: headless
-  std::vector<SwapchainImage> images;
+  HostVector<SwapchainImage> images;
   std::byte* memory = nullptr;
   uint64_t memoryBytes = 0, imageBytes = 0;
   uint32_t pending = 0;  //!< presents on their way
   bool retired = false, resized = false, lost = false;
+  // Of the list of claimed windows, and guarded by its mutex
+  Swapchain *previous = nullptr, *next = nullptr;
+  std::pair<const void*, uint64_t> claimed;
+  bool claims = false;
+
+  //! False when another swapchain that is not retired has the window.
+  bool claim();
+  void disclaim();
 
   ~Swapchain() {
+    disclaim();
     if (memory) munmap(memory, memoryBytes);
     device->release(memoryBytes);
   }
@@ -43,6 +56,45 @@ struct Swapchain {
   }
   void present(SyncHub& hub, uint32_t index);
 };
+
+namespace {
+//! What tells one window from another. The same window through two connections counts as two.
+std::pair<const void*, uint64_t> windowOf(const VkIcdSurfaceBase& surface) {
+  switch (surface.platform) {
+    case VK_ICD_WSI_PLATFORM_XCB: {
+      auto& s = reinterpret_cast<const VkIcdSurfaceXcb&>(surface);
+      return {s.connection, s.window};
+    }
+    case VK_ICD_WSI_PLATFORM_XLIB: {
+      auto& s = reinterpret_cast<const VkIcdSurfaceXlib&>(surface);
+      return {s.dpy, s.window};
+    }
+    case VK_ICD_WSI_PLATFORM_WAYLAND: return {reinterpret_cast<const VkIcdSurfaceWayland&>(surface).surface, 0};
+    default: return {&surface, 0};
+  }
+}
+
+//! The swapchains that are not retired: a window has at most one in the process.
+struct Shown {
+  std::mutex mutex;
+  PoolList<Swapchain> list;
+};
+constinit Shown shown;
+}  // namespace
+
+bool Swapchain::claim() {
+  std::lock_guard lock(shown.mutex);
+  claimed = windowOf(*surface);
+  for (Swapchain* other = shown.list.first(); other; other = other->next)
+    if (other->claimed == claimed) return false;
+  shown.list.insert(this);
+  return claims = true;
+}
+
+void Swapchain::disclaim() {
+  std::lock_guard lock(shown.mutex);
+  if (std::exchange(claims, false)) shown.list.erase(this);
+}
 
 std::byte* swapchainImageData(VkSwapchainKHR handle, uint32_t index) {
   return from(handle)->images[index].image.data;
@@ -127,7 +179,7 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
     if (!s.window) return VK_ERROR_SURFACE_LOST_KHR;
     s.note(s.window->state());
   }
-  return VK_SUCCESS;
+  return s.claim() ? VK_SUCCESS : VK_ERROR_NATIVE_WINDOW_IN_USE_KHR;   // that the window is gone says more
 }
 
 VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore, VkFence fence,
@@ -165,10 +217,12 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSwapchainKHR(VkDevice handle, const VkSwa
                                                     const VkAllocationCallbacks* callbacks,
                                                     VkSwapchainKHR* out) {
   Device& device = *from(handle);
-  if (Swapchain* old = from(info->oldSwapchain)) hub(*old).update([&] { old->retired = true; });
-  auto* swapchain = device.make<Swapchain>(callbacks);
+  if (Swapchain* old = from(info->oldSwapchain)) {
+    hub(*old).update([&] { old->retired = true; });
+    old->disclaim();
+  }
+  auto* swapchain = device.make<Swapchain>(callbacks, device, device.allocatorFor(callbacks));
   if (!swapchain) return VK_ERROR_OUT_OF_HOST_MEMORY;
-  swapchain->device = &device;
   VkResult result;
   try {
     result = build(*swapchain, *info);
