@@ -19,7 +19,7 @@ base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineS
   if (ShaderModule* m = from(stage.module)) {
     std::lock_guard lock(m->mutex);
     if (!m->module) {
-      auto parsed = frontend::parseModule(m->words, frontend::Validate::WhenAsked);
+      auto parsed = frontend::parseModule(m->words, frontend::Validate::Beside);
       if (!parsed) return parsed;
       m->module = *parsed;
     }
@@ -27,7 +27,7 @@ base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineS
   }
   auto* inlined = findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
   if (!inlined) return base::Error{"a stage has no shader module"};
-  return frontend::parseModule({inlined->pCode, inlined->codeSize / 4}, frontend::Validate::WhenAsked);
+  return frontend::parseModule({inlined->pCode, inlined->codeSize / 4}, frontend::Validate::Beside);
 }
 
 frontend::Stage stageOf(VkShaderStageFlagBits s) {
@@ -53,9 +53,7 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage) {
       constants.push_back({e.constantID, {data, data + e.size}});
     }
   auto shader = frontend::translate(**module, stageOf(stage.stage), stage.pName, constants);
-  if (!shader)
-    if (auto valid = frontend::validateModule(**module); !valid)
-      return base::errorf("%s (%s)", shader.error().message.c_str(), valid.error().message.c_str());
+  if (auto valid = frontend::validity(**module); !valid) return valid.error();
   return shader;
 }
 

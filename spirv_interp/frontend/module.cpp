@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cstring>
 #include <iterator>
+#include <system_error>
 
 #include <spirv-tools/libspirv.h>
 
 #include "spirv_interp/frontend/shader.h"
-#include "spirv_interp/ir/checks.h"
 
 namespace pumice::frontend {
 
@@ -350,16 +350,28 @@ base::Status validate(const std::vector<uint32_t>& words) {
   return status;
 }
 
+// The future's destructor waits for the thread.
+std::shared_future<base::Status> validateBeside(const std::vector<uint32_t>& words) {
+  try {
+    return std::async(std::launch::async, [&words] { return validate(words); }).share();
+  } catch (const std::system_error&) {  // no more threads: whoever asks first does it
+    return std::async(std::launch::deferred, [&words] { return validate(words); }).share();
+  }
+}
+
 }  // namespace
 
-base::Status validateModule(const Module& module) { return canBeValidated(module) ? validate(module.words) : base::Status(); }
+base::Status validity(const Module& module) { return module.validity.valid() ? module.validity.get() : base::Status(); }
 
 Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate when) {
   try {
     auto module = std::make_shared<Module>();
     module->words.assign(words.begin(), words.end());
     PUMICE_TRY(module->cut());
-    if (when == Validate::Always || (ir::wantedChecks() & ir::kCheckModule)) PUMICE_TRY(validateModule(*module));
+    if (canBeValidated(*module)) {
+      if (when == Validate::First) PUMICE_TRY(validate(module->words));
+      else module->validity = validateBeside(module->words);
+    }
     return std::shared_ptr<const Module>(std::move(module));
   } catch (const std::bad_alloc&) {
     return base::errorf("SPIR-V: out of memory while parsing %zu words", words.size());

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <future>
 #include <span>
 #include <string>
 #include <string_view>
@@ -85,6 +86,7 @@ class Module {
   std::unordered_map<uint32_t, std::string> extendedSets;  //!< OpExtInstImport
   std::unordered_map<uint32_t, std::string> strings;       //!< OpString
   std::vector<std::string> sources;
+  std::shared_future<base::Status> validity;  //!< the validator's verdict, when it runs beside; reads `words`
 
   //! The instruction with this result, null if there is none.
   const Instruction* definition(uint32_t id) const {

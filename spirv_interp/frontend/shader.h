@@ -75,16 +75,16 @@ struct Shader {
 
 struct SpecializationConstant { uint32_t id; std::vector<std::byte> data; };
 
-//! Parsed module, shared by the pipelines made from it. The translator survives any words (it is fuzzed), and a valid module is
-//! the application's business; SPIRV-Tools' validator takes longer than everything else that a pipeline needs.
+//! Parsed module, shared by the pipelines made from it. SPIRV-Tools' validator takes longer than everything else that a
+//! pipeline needs, so it may run beside the translator, which survives any words (it is fuzzed).
 class Module;
 enum class Validate : uint8_t {
-  Always,      //!< an invalid module gives an error with the validator's text
-  WhenAsked,   //!< only with PUMICE_CHECK=spirv
+  First,   //!< an invalid module gives an error with the validator's text
+  Beside,  //!< on a thread of its own; validity() waits for it
 };
-base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate validate = Validate::Always);
-//! What the validator has against a module: why a translation failed, maybe.
-base::Status validateModule(const Module& module);
+base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate validate = Validate::First);
+//! What the validator has against a module that was parsed with Validate::Beside.
+base::Status validity(const Module& module);
 
 //! Errors name what is invalid or not supported (opcode, capability) and where.
 base::Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,

@@ -316,7 +316,7 @@ Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stag
     translator.run(stage, entryPoint);
     tidy(shader->function);
     PUMICE_TRY(check(shader->function, "after translation"));
-    if (const unsigned checks = ir::wantedChecks() & ~unsigned(ir::kCheckModule)) {
+    if (const unsigned checks = ir::wantedChecks()) {
       ir::insertChecks(shader->function, checks, stage == Stage::Fragment);
       PUMICE_TRY(check(shader->function, "with checks"));
     }

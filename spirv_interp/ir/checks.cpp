@@ -18,8 +18,7 @@ unsigned wantedChecks() {
     if (word == "bounds") checks |= kCheckBounds;
     else if (word == "nan") checks |= kCheckNan;
     else if (word == "uninit") checks |= kCheckUninit;
-    else if (word == "spirv") checks |= kCheckModule;
-    else base::logError("PUMICE_CHECK: there is no \"%s\"; there are bounds, nan, uninit, spirv", word.c_str());
+    else base::logError("PUMICE_CHECK: there is no \"%s\"; there are bounds, nan, uninit", word.c_str());
   }
   return checks;
 }

@@ -12,7 +12,6 @@ enum Checks : unsigned {
   kCheckBounds = 1,   //!< accesses outside of buffers, work-group memory and private arrays
   kCheckNan = 2,      //!< operations that make NaN or infinity of finite operands
   kCheckUninit = 4,   //!< reads of variables that nobody has written
-  kCheckModule = 8,   //!< modules that the SPIR-V validator refuses; not an instruction
 };
 
 //! What PUMICE_CHECK asks for; what it does not know it names in the log.
