@@ -29,6 +29,21 @@ struct GroupMemory {
   std::vector<std::unique_ptr<interp::RowState>> states;   // as many as rows had to wait at once
 };
 
+//! LocalInvocationId of all invocations of a work group, and once more of a row's worth: rows start anywhere.
+struct LocalIds {
+  std::vector<uint32_t> ids[3];
+  LocalIds(const std::array<uint32_t, 3>& size, uint32_t invocations) {
+    for (auto& row : ids) row.resize(invocations + interp::kMaxLanes);
+    for (uint32_t l = 0; l < invocations; ++l) {
+      ids[0][l] = l % size[0];
+      ids[1][l] = l / size[0] % size[1];
+      ids[2][l] = l / size[0] / size[1];
+    }
+    for (auto& row : ids)
+      for (uint32_t l = invocations; l < row.size(); ++l) row[l] = row[l - invocations];
+  }
+};
+
 struct DispatchRun {
   const ComputeRoutine& routine;
   const interp::UniformBank& bank;
@@ -36,20 +51,19 @@ struct DispatchRun {
   std::array<uint32_t, 3> baseGroup, groupCount;
   uint32_t invocations;   // of one work group
   const std::atomic<bool>* stop;
+  const LocalIds& locals;
 
   //! Invocations [first, first + lanes) of the stream of all work groups' invocations.
   void fill(Row& row, uint64_t first, uint32_t lanes) const {
-    const auto& size = routine.localSize;
     uint64_t group = first / invocations;
     uint32_t local = uint32_t(first % invocations);
-    for (uint32_t l = 0; l < lanes; ++l) {
-      row.ids[0][l] = local % size[0];
-      row.ids[1][l] = local / size[0] % size[1];
-      row.ids[2][l] = local / size[0] / size[1];
-      row.ids[3][l] = baseGroup[0] + uint32_t(group % groupCount[0]);
-      row.ids[4][l] = baseGroup[1] + uint32_t(group / groupCount[0] % groupCount[1]);
-      row.ids[5][l] = baseGroup[2] + uint32_t(group / groupCount[0] / groupCount[1]);
-      if (++local == invocations) local = 0, ++group;
+    for (int i = 0; i < 3; ++i) std::copy_n(locals.ids[i].data() + local, lanes, row.ids[i]);
+    for (uint32_t l = 0; l < lanes; ++group, local = 0) {
+      const uint32_t end = std::min(lanes, l + invocations - local);
+      const uint32_t id[3] = {baseGroup[0] + uint32_t(group % groupCount[0]), baseGroup[1] + uint32_t(group / groupCount[0] % groupCount[1]),
+                              baseGroup[2] + uint32_t(group / groupCount[0] / groupCount[1])};
+      for (int i = 0; i < 3; ++i) std::fill(row.ids[3 + i] + l, row.ids[3 + i] + end, id[i]);
+      l = end;
     }
     for (int i = 0; i < 6; ++i) row.inputs[i] = row.ids[i];
     row.context = {};
@@ -141,7 +155,8 @@ void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t
   const interp::UniformBank bank = routine->code->preamble(tables);
 
   const uint32_t invocations = routine->localSize[0] * routine->localSize[1] * routine->localSize[2];
-  const DispatchRun run{*routine, bank, tables, {baseGroup[0], baseGroup[1], baseGroup[2]}, {groupCount[0], groupCount[1], groupCount[2]}, invocations, &pool.cancelled()};
+  const LocalIds locals(routine->localSize, invocations);
+  const DispatchRun run{*routine, bank, tables, {baseGroup[0], baseGroup[1], baseGroup[2]}, {groupCount[0], groupCount[1], groupCount[2]}, invocations, &pool.cancelled(), locals};
   const uint64_t groups = uint64_t(groupCount[0]) * groupCount[1] * groupCount[2];
 
   // Small work groups share rows unless they could notice: by shared memory, barriers, subgroup operations or waiting.

@@ -25,6 +25,8 @@ class Allocator {
       Vreg& v = p_.vregs[r];
       std::fill(std::begin(v.reg), std::end(v.reg), int8_t(-1));
       std::fill(std::begin(v.slot), std::end(v.slot), kNone);
+      if (v.unused) continue;
+      if (v.uniform) v.weight *= float(p_.unroll);   // each use is a load for each part
       v.weight /= float(v.end - v.start + 1);
       nextStart_[r] = std::exchange(starts_[v.start], r);
       nextEnd_[r] = std::exchange(ends_[v.end], r);
@@ -94,7 +96,7 @@ class Allocator {
     for (uint32_t at = 0; at < starts_.size(); at++) {
       for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r])
         for (uint32_t part = 0; part < p_.parts(p_.vregs[r]); part++) {
-          if (p_.vregs[r].reg[part] >= 0) continue;
+          if (p_.vregs[r].reg[part] >= 0 || p_.vregs[r].uniform) continue;
           if (unused.empty()) unused.push_back(p_.frameSlots++);
           p_.vregs[r].slot[part] = unused.back();
           unused.pop_back();

@@ -65,6 +65,11 @@ bool isNan(Type t, uint64_t bits) {
 
 }  // namespace
 
+InstId commutative(Op op, Type t) {
+  const Simple& s = kTable[size_t(op)][size_t(t)];
+  return s.commutes ? s.id : 0;
+}
+
 bool Emitter::alu(Value v) {
   const Inst& i = f_.insts[v];
   const auto o = f_.operands(v);
@@ -104,12 +109,25 @@ bool Emitter::alu(Value v) {
     case Op::LShr:
     case Op::AShr:
       if (i.type != Type::I32 && i.type != Type::I64) return false;
-      if (i.type == Type::I64 && i.op == Op::AShr) return false;
       shift(v);
+      return true;
+    case Op::SDiv:
+    case Op::SRem:
+      if (i.type != Type::I32) return false;
+      divide(v);
+      return true;
+    case Op::UDiv:
+    case Op::URem:
+      if (i.type == Type::I64) return false;
+      divide(v);
       return true;
     case Op::IAdd:
     case Op::ISub:
     case Op::IMul: {
+      if (i.type == Type::I64) {   // sums have one instruction
+        multiplyWide(v);
+        return true;
+      }
       if (i.type != Type::I8 && i.type != Type::I16) return false;
       const InstId id = i.op == Op::IAdd ? I::kIdVpaddd : i.op == Op::ISub ? I::kIdVpsubd : I::kIdVpmulld;
       const x86::Mem keep = pool32(i.type == Type::I8 ? 0xff : 0xffff);
@@ -203,9 +221,15 @@ void Emitter::negate(Value v) {
   }
 }
 
-void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide) {
-  const InstId f132 = wide ? I::kIdVfmadd132pd : I::kIdVfmadd132ps, f213 = wide ? I::kIdVfmadd213pd : I::kIdVfmadd213ps,
-               f231 = wide ? I::kIdVfmadd231pd : I::kIdVfmadd231ps;
+void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide, bool negative, bool subtract) {
+  struct Forms {
+    InstId f132, f213, f231;
+  };
+#define PUMICE_FMA(name, type) {I::kIdV##name##132##type, I::kIdV##name##213##type, I::kIdV##name##231##type}
+  static constexpr Forms kForms[2][2][2] = {{{PUMICE_FMA(fmadd, ps), PUMICE_FMA(fmsub, ps)}, {PUMICE_FMA(fnmadd, ps), PUMICE_FMA(fnmsub, ps)}},
+                                            {{PUMICE_FMA(fmadd, pd), PUMICE_FMA(fmsub, pd)}, {PUMICE_FMA(fnmadd, pd), PUMICE_FMA(fnmsub, pd)}}};
+#undef PUMICE_FMA
+  const Forms& f = kForms[wide][negative][subtract];
   const auto is = [&](const Source& s) { return s.isReg && s.reg.id() == d.id(); };
   const auto inReg = [&](const Source& s, Ymm scratch) {
     if (s.isReg) return s.reg;
@@ -215,29 +239,35 @@ void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool
   // 213: d = d * 2nd + 3rd, 132: d = d * 3rd + 2nd, 231: d = d + 2nd * 3rd; the 3rd may be in memory.
   if (is(a) || is(b)) {
     const Source& other = is(a) ? b : a;
-    if (other.isReg) a_.emit(f213, d, other.reg, c.op());
-    else a_.emit(f132, d, inReg(c, t0()), other.op());
+    if (other.isReg) a_.emit(f.f213, d, other.reg, c.op());
+    else a_.emit(f.f132, d, inReg(c, t0()), other.op());
   } else if (is(c)) {
-    if (a.isReg) a_.emit(f231, d, a.reg, b.op());
-    else if (b.isReg) a_.emit(f231, d, b.reg, a.op());
-    else a_.emit(f231, d, inReg(a, t0()), b.op());
+    if (a.isReg) a_.emit(f.f231, d, a.reg, b.op());
+    else if (b.isReg) a_.emit(f.f231, d, b.reg, a.op());
+    else a_.emit(f.f231, d, inReg(a, t0()), b.op());
   } else if (a.isReg || b.isReg) {
     move(d, c);
-    if (a.isReg) a_.emit(f231, d, a.reg, b.op());
-    else a_.emit(f231, d, b.reg, a.op());
+    if (a.isReg) a_.emit(f.f231, d, a.reg, b.op());
+    else a_.emit(f.f231, d, b.reg, a.op());
   } else {
     move(d, a);
-    if (c.isReg) a_.emit(f132, d, c.reg, b.op());
-    else a_.emit(f213, d, inReg(b, t0()), c.op());
+    if (c.isReg) a_.emit(f.f132, d, c.reg, b.op());
+    else a_.emit(f.f213, d, inReg(b, t0()), c.op());
   }
 }
 
 void Emitter::fma(Value v) {
-  const auto o = f_.operands(v);
+  Value o[3];
+  bool negative[3];
+  for (size_t k = 0; k < 3; k++) {
+    o[k] = f_.operands(v)[k];
+    negative[k] = !preamble_ && p_.folded[o[k]];
+    if (negative[k]) o[k] = f_.operands(o[k])[0];
+  }
   const Type t = f_.type(v);
   for (uint32_t part = 0; part < partsOf(t); part++) {
     const Ymm d = target(v, part);
-    mul(d, source(o[0], part), source(o[1], part), source(o[2], part), t == Type::F64);
+    mul(d, source(o[0], part), source(o[1], part), source(o[2], part), t == Type::F64, negative[0] != negative[1], negative[2]);
     finish(v, part, d);
   }
 }
@@ -341,6 +371,28 @@ void Emitter::shift(Value v) {
   const uint32_t width = wide ? 63 : 31;
   for (uint32_t part = 0; part < partsOf(i.type); part++) {
     const Ymm d = target(v, part);
+    if (wide && i.op == Op::AShr) {
+      // The sign fills from above; shifts by 64 give zero.
+      const Source x = source(o[0], part);
+      if (isConst(o[1])) {
+        const uint32_t count = uint32_t(f_.insts[o[1]].imm) & 63;
+        a_.vpsrlq(t2(), load(o[0], part, t2()), count);
+        a_.vpxor(t0(), t0(), t0());
+        a_.emit(I::kIdVpcmpgtq, t0(), t0(), x.op());
+        a_.vpsllq(t0(), t0(), 64 - count);
+      } else {
+        a_.vpand(t1(), load(o[1], part, t1()), pool64(63));
+        a_.vpsrlvq(t2(), load(o[0], part, t2()), t1());
+        a_.vmovaps(t0(), pool64(64));
+        a_.vpsubq(t1(), t0(), t1());
+        a_.vpxor(t0(), t0(), t0());
+        a_.emit(I::kIdVpcmpgtq, t0(), t0(), x.op());
+        a_.vpsllvq(t0(), t0(), t1());
+      }
+      a_.vpor(d, t0(), t2());
+      finish(v, part, d);
+      continue;
+    }
     if (isConst(o[1])) {
       const Ymm x = load(o[0], part, t0());
       a_.emit(byImm, d, x, asmjit::imm(uint32_t(f_.insts[o[1]].imm) & width));
@@ -350,6 +402,81 @@ void Emitter::shift(Value v) {
       const Ymm x = load(o[0], part, t0());
       a_.emit(byLane, d, x, t1());
     }
+    finish(v, part, d);
+  }
+}
+
+//! In double: the quotient of two 32-bit integers is at least 1/b below the next integer, far more than it is rounded by.
+//! What division by zero leaves (infinity, NaN) is or-ed away: all ones.
+void Emitter::divide(Value v) {
+  const Inst& i = f_.insts[v];
+  const auto o = f_.operands(v);
+  const bool isSigned = i.op == Op::SDiv || i.op == Op::SRem, remainder = i.op == Op::SRem || i.op == Op::URem;
+  const x86::Mem magic = pool64(0x4330000000000000);   // 2^52: its low bits are an integer's
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Source a = source(o[0], part), b = source(o[1], part);
+    //! Four lanes as doubles.
+    const auto widen = [&](Ymm to, const Source& s, bool upper) {
+      const InstId id = isSigned ? I::kIdVcvtdq2pd : I::kIdVpmovzxdq;
+      if (!s.isReg) {
+        x86::Mem m = s.mem;
+        m.addOffset(upper ? 16 : 0);
+        m.setSize(16);
+        a_.emit(id, to, m);
+      } else if (upper) {
+        a_.vextracti128(to.xmm(), s.reg, 1);
+        a_.emit(id, to, to.xmm());
+      } else {
+        a_.emit(id, to, s.reg.xmm());
+      }
+      if (isSigned) return;
+      a_.vpor(to, to, magic);
+      a_.vsubpd(to, to, magic);
+    };
+    for (const bool upper : {false, true}) {
+      widen(t0(), a, upper);
+      widen(t1(), b, upper);
+      a_.vdivpd(t0(), t0(), t1());
+      if (isSigned) {
+        a_.vcvttpd2dq(upper ? t0().xmm() : t2().xmm(), t0());
+        if (upper) a_.vinserti128(t2(), t2(), t0().xmm(), 1);
+      } else {
+        a_.vroundpd(t0(), t0(), 11);
+        a_.vaddpd(upper ? t0() : t2(), t0(), magic);
+        if (upper) narrowMask(t2(), t0());
+      }
+    }
+    a_.vpxor(t0(), t0(), t0());
+    bin(I::kIdVpcmpeqd, t0(), reg(t0()), b);
+    a_.vpor(t2(), t2(), t0());
+    const Ymm d = target(v, part);
+    if (remainder) {
+      bin(I::kIdVpmulld, t2(), reg(t2()), b);
+      const Ymm x = load(o[0], part, t0());
+      a_.vpsubd(d, x, t2());
+    } else {
+      move(d, reg(t2()));
+    }
+    if (const uint32_t bytes = ir::typeBytes(i.type); bytes < 4) a_.vpand(d, d, pool32(bytes == 1 ? 0xff : 0xffff));
+    finish(v, part, d);
+  }
+}
+
+void Emitter::multiplyWide(Value v) {
+  const auto o = f_.operands(v);
+  for (uint32_t part = 0; part < partsOf(Type::I64); part++) {
+    const Ymm a = load(o[0], part, t2());
+    const Source b = source(o[1], part);
+    a_.vpsrlq(t0(), a, 32);
+    bin(I::kIdVpmuludq, t0(), reg(t0()), b);
+    move(t1(), b);
+    a_.vpsrlq(t1(), t1(), 32);
+    a_.vpmuludq(t1(), t1(), a);
+    a_.vpaddq(t0(), t0(), t1());
+    a_.vpsllq(t0(), t0(), 32);
+    bin(I::kIdVpmuludq, t1(), reg(a), b);
+    const Ymm d = target(v, part);
+    a_.vpaddq(d, t0(), t1());
     finish(v, part, d);
   }
 }

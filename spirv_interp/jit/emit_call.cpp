@@ -5,6 +5,7 @@ namespace pumice::jit {
 
 void Emitter::callThunk(const void* function, const void* site) {
   usesThunk_ = true;
+  quadPointers_ = false;
   a_.mov(x86::rdi, frame_);
   a_.mov(x86::rsi, uint64_t(reinterpret_cast<uintptr_t>(site)));
   a_.mov(x86::rdx, call_);
@@ -50,6 +51,7 @@ bool Emitter::callOut(Value v) {
   }
   site->code.dst = frameRow(5) - kFrameRows;
   if (single_) a_.mov(x86::eax, 0xff);
+  else if ((info.flags & ir::kPure) && i.op != Op::LoadConst) a_.mov(x86::eax, ~0u);   // the mask need not live any more
   else vregMaskBits(x86::eax, p_.regions[region_].mask);
   a_.mov(x86::dword_ptr(frame_, kFrameExec), x86::eax);
   callThunk(reinterpret_cast<const void*>(&runCallOut), site.get());

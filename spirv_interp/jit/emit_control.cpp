@@ -1,4 +1,6 @@
 // Control flow over masks: every region's active lanes are a Vreg of masks, a side that no lane runs is jumped over.
+#include <algorithm>
+
 #include "spirv_interp/jit/emitter.h"
 
 namespace pumice::jit {
@@ -37,6 +39,29 @@ const asmjit::Label& Emitter::endOf(uint32_t id) const {
   return hasElse && !r.uniform ? labels_[id].start : labels_[id].end;
 }
 
+//! Everybody leaves: straight behind the construct.
+const asmjit::Label& Emitter::leftBy(Value brk, uint32_t r) const {
+  for (uint64_t left = f_.insts[brk].imm + 1;; r = p_.regions[r].parent)
+    if ((p_.regions[r].op == Op::Loop || p_.regions[r].op == Op::Block) && --left == 0) break;
+  return p_.regions[r].op == Op::Loop ? labels_[r].out : labels_[r].end;
+}
+
+void Emitter::enterLoop(uint32_t id) {
+  hotMarks_.push_back(hotBefore_.size());
+  auto h = std::lower_bound(p_.hot.begin(), p_.hot.end(), id, [](const Hot& a, uint32_t region) { return a.region < region; });
+  for (; h != p_.hot.end() && h->region == id; ++h) {
+    const int8_t r = p_.vregs[h->vreg].reg[0];
+    if (r < 0) continue;
+    move(x86::ymm(uint32_t(r)), source(h->value, 0));
+    hotBefore_.push_back({h->value, hot_[h->value]});
+    hot_[h->value] = r;
+  }
+}
+void Emitter::leaveLoop() {
+  for (; hotBefore_.size() > hotMarks_.back(); hotBefore_.pop_back()) hot_[hotBefore_.back().first] = hotBefore_.back().second;
+  hotMarks_.pop_back();
+}
+
 void Emitter::control(Value v) {
   const Inst& i = f_.insts[v];
   const uint32_t id = p_.regionOf[v];
@@ -64,7 +89,13 @@ void Emitter::control(Value v) {
           bits.mem.setSize(4);
           a_.cmp(bits.mem, 0);
         }
-        a_.jz(labels_[id].start);
+        const Value next = v + 1;
+        if (next < f_.insts.size() && f_.insts[next].op == Op::Break && p_.flat[next] && f_.insts[r.end].op == Op::EndIf) {
+          a_.jnz(leftBy(next, id));
+          doneAlready_ = next;
+        } else {
+          a_.jz(labels_[id].start);
+        }
       } else {
         if (r.condition != kNone && r.condition != p_.vregOf[condition]) copyMask(r.condition, p_.vregOf[condition]);
         for (uint32_t part = 0; part < p_.unroll; part++) {
@@ -107,6 +138,7 @@ void Emitter::control(Value v) {
       labels_[id].start = a_.newLabel();
       labels_[id].end = a_.newLabel();
       if (i.op == Op::Loop) {
+        enterLoop(id);
         labels_[id].out = a_.newLabel();
         a_.align(asmjit::AlignMode::kCode, 16);
         a_.bind(labels_[id].start);
@@ -121,6 +153,7 @@ void Emitter::control(Value v) {
       if (r.op == Op::If) a_.bind(labels_[id].start);
       a_.bind(labels_[id].end);
       if (i.op == Op::EndLoop) {
+        leaveLoop();
         const asmjit::Label finished = a_.newLabel();
         if (r.own) none(r.mask, finished);
         a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, turns)));
@@ -147,10 +180,7 @@ void Emitter::control(Value v) {
     case Op::Break: {
       uint32_t r = region_;
       if (p_.flat[v]) {
-        // Everybody leaves: straight behind the construct.
-        for (uint64_t left = i.imm + 1;; r = p_.regions[r].parent)
-          if ((p_.regions[r].op == Op::Loop || p_.regions[r].op == Op::Block) && --left == 0) break;
-        a_.jmp(p_.regions[r].op == Op::Loop ? labels_[r].out : labels_[r].end);
+        a_.jmp(leftBy(v, r));
         return;
       }
       const uint32_t from = p_.regions[region_].mask;
@@ -188,6 +218,7 @@ void Emitter::control(Value v) {
 void Emitter::varSet(Value v) {
   const Value var = f_.operands(v)[0], value = f_.operands(v)[1];
   const uint32_t id = p_.vregOf[var];
+  if (!isUniform(value) && p_.vregOf[value] == id) return;   // computed there, or the variable itself
   const Type t = f_.type(var);
   const bool keep = p_.a.nan[var] == interp::NanBits::Kept;
   const uint32_t mask = p_.regions[region_].mask;
@@ -195,6 +226,10 @@ void Emitter::varSet(Value v) {
     const Source s = keep ? settled(value, part, t0()) : source(value, part);
     const Ymm d = vregTarget(id, part);
     if (!p_.masked[v]) {
+      if (s.isReg) {
+        vregFinish(id, part, s.reg);
+        continue;
+      }
       move(d, s);
     } else {
       const Ymm m = ir::typeBytes(t) == 8 ? wideMaskOf(vregSource(mask, part / 2), part, t1()) : vregLoad(mask, part, t1());

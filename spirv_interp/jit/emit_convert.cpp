@@ -5,6 +5,23 @@ namespace pumice::jit {
 
 namespace I = x86::Inst;
 
+namespace {
+//! An i32 whose sign bit is clear: fields of packed texels, mostly.
+bool isNonNegative(const Function& f, Value v) {
+  const Inst& i = f.insts[v];
+  const auto o = f.operands(v);
+  const auto small = [&](Value x) { return f.insts[x].op == Op::Const && uint32_t(f.insts[x].imm) < 0x80000000u; };
+  switch (i.op) {
+    case Op::Const: return small(v);
+    case Op::And:
+    case Op::UMin: return small(o[0]) || small(o[1]);
+    case Op::LShr: return f.insts[o[1]].op == Op::Const && (f.insts[o[1]].imm & 31) != 0;
+    case Op::ZExt: return ir::typeBytes(f.type(o[0])) < 4;
+    default: return false;
+  }
+}
+}  // namespace
+
 bool Emitter::convert(Value v) {
   const Inst& i = f_.insts[v];
   if (ir::opInfo(i.op).operands != ir::OperandRule::Cvt) return false;
@@ -36,7 +53,7 @@ bool Emitter::convert(Value v) {
   switch (i.op) {
     case Op::BitCast:
       if (!preamble_ && p_.inRegister(o) && p_.vregOf[v] == p_.vregOf[o]) return true;
-      return each([&](Ymm d, uint32_t part) { move(d, settled(o, part, t0())); });
+      return each([&](Ymm d, uint32_t part) { move(d, settled(o, part, d)); });
     case Op::ZExt:
       if (!toWide) return each([&](Ymm d, uint32_t part) { move(d, source(o, part)); });
       return each([&](Ymm d, uint32_t part) { a_.vpmovzxdq(d, half(part)); });
@@ -140,7 +157,7 @@ bool Emitter::convert(Value v) {
       return false;
     case Op::UToF:
       if (to != Type::F32) return false;
-      if (from == Type::I8 || from == Type::I16)
+      if (from == Type::I8 || from == Type::I16 || (from == Type::I32 && isNonNegative(f_, o)))
         return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtdq2ps, d, source(o, part).op()); });
       if (from != Type::I32) return false;
       return each([&](Ymm d, uint32_t part) {

@@ -1,4 +1,7 @@
 // The caller's rows, quads and subgroups.
+#include <algorithm>
+
+#include "spirv_interp/ir/fold.h"
 #include "spirv_interp/jit/emitter.h"
 
 namespace pumice::jit {
@@ -71,8 +74,48 @@ bool Emitter::lanes(Value v) {
         finish(v, part, d);
       }
       return true;
+    case Op::SubgroupReduce: return reduce(v);
     default: return false;
   }
+}
+
+//! Reductions of 32-bit values whose operation is one instruction that does not mind the order of its operands.
+bool Emitter::reduce(Value v) {
+  const Inst& i = f_.insts[v];
+  const Value o = f_.operands(v)[0];
+  const auto operation = ir::ReduceOp(i.imm & 0xff);
+  const uint32_t steps = uint32_t(i.imm >> 16) & 0xff;
+  if (ir::ScanKind(i.imm >> 8 & 0xff) != ir::ScanKind::Reduce || ir::typeBytes(i.type) != 4 || steps > 5 || p_.unroll != 4) return false;
+  const InstId id = commutative(ir::reduceOperation(operation), i.type);
+  if (!id) return false;
+  const uint32_t mask = p_.regions[region_].mask;
+  const x86::Mem identity = pool32(uint32_t(ir::reduceIdentity(operation, i.type)));
+  for (uint32_t part = 0; part < 4; part++) {
+    const Ymm m = vregLoad(mask, part, t1());
+    a_.vmovaps(t0(), identity);
+    a_.emit(I::kIdVblendvps, t0(), t0(), source(o, part).op(), m);
+    for (uint32_t step = 0; step < std::min(steps, 3u); step++) {
+      if (step < 2) a_.vpermilps(t1(), t0(), step ? 0x4e : 0xb1);
+      else a_.vperm2f128(t1(), t0(), t0(), 1);
+      a_.emit(id, t0(), t0(), t1());
+    }
+    a_.vmovaps(frameMem(frameRow(0), part), t0());
+  }
+  for (uint32_t step = 3; step < steps; step++)
+    for (uint32_t part = 0; part < 4; part++) {
+      const uint32_t other = part ^ (step == 3 ? 1 : 2);
+      if (part > other) continue;
+      a_.vmovaps(t0(), frameMem(frameRow(0), part));
+      a_.emit(id, t0(), t0(), frameMem(frameRow(0), other));
+      a_.vmovaps(frameMem(frameRow(0), part), t0());
+      a_.vmovaps(frameMem(frameRow(0), other), t0());
+    }
+  for (uint32_t part = 0; part < 4; part++) {
+    const Ymm d = target(v, part);
+    a_.vmovaps(d, frameMem(frameRow(0), part));
+    finish(v, part, d);
+  }
+  return true;
 }
 
 void Emitter::input(Value v) {
@@ -175,6 +218,24 @@ void Emitter::quadLoad(Value v) {
   const Inst& i = f_.insts[v];
   const int32_t at = int32_t(i.imm);
   const uint32_t bytes = ir::typeBytes(i.type);
+  if (bytes == 4 && p_.unroll <= 2) {
+    // Several fields in a row: the addresses stay in registers.
+    constexpr x86::Gp kPointers[] = {x86::r8, x86::r9, x86::r10, x86::r11};
+    if (!quadPointers_) {
+      a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, quadRecords)));
+      for (uint32_t q = 0; q < p_.unroll * 2; q++) a_.mov(kPointers[q], x86::ptr(x86::rsi, int32_t(q * 8)));
+      quadPointers_ = true;
+    }
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      const Ymm d = target(v, part);
+      a_.vbroadcastss(t0(), x86::ptr(kPointers[part * 2 + 1], at));
+      a_.vbroadcastss(d, x86::ptr(kPointers[part * 2], at));
+      a_.vblendps(d, d, t0(), 0xf0);
+      finish(v, part, d);
+    }
+    return;
+  }
+  quadPointers_ = false;
   a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, quadRecords)));
   for (uint32_t part = 0; part < partsOf(i.type); part++) {
     const Ymm d = target(v, part);

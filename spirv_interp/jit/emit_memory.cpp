@@ -1,6 +1,8 @@
 // Buffers, tables, work-group memory. Bounds that do not depend on the lane are prepared by the preamble as a Range:
 // the highest offset allowed, as a vector, and the base. A range with no room at all becomes offset 0 of a block of zeros
 // (of a sink, for stores). Loads look at bounds alone: what an inactive lane reads within them does no harm.
+#include <algorithm>
+
 #include "spirv_interp/jit/emitter.h"
 
 namespace pumice::jit {
@@ -8,6 +10,7 @@ namespace {
 
 namespace I = x86::Inst;
 constexpr int32_t kRangeBase = 32, kRangeBiased = 40, kRangeLast = 48;   // behind the vector of the last offset
+constexpr size_t kMaxSharedRanges = 32;
 constexpr uint32_t kIota4[8] = {0, 4, 8, 12, 16, 20, 24, 28};
 
 x86::Mem at(x86::Mem m, int32_t offset) {
@@ -216,8 +219,53 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
     }
     return;
   }
-  // Lanes within bounds one by one.
   const bool wide = bytes == 8;
+  if (wide) {
+    for (uint32_t part = 0; part < p_.unroll; part++) {
+      for (uint32_t half = 0; half < 2; half++) {
+        const Ymm off = load(offset, part, t0());
+        const Ymm d = target(v, part * 2 + half);
+        a_.vpminud(t1(), off, limit);
+        a_.vpcmpeqd(t1(), t1(), off);
+        wideMaskOf(reg(t1()), half, t1());
+        x86::Xmm index = off.xmm();
+        if (half) {
+          a_.vextracti128(t0().xmm(), off, 1);
+          index = t0().xmm();
+        }
+        a_.vpxor(t0().xmm(), index, pool32(0x80000000u));
+        a_.vpxor(d, d, d);
+        a_.vgatherdpd(d, x86::ptr(biased, t0().xmm()), t1());
+        finish(v, part * 2 + half, d);
+      }
+    }
+    return;
+  }
+  // Whole words, if all of them lie within bounds too.
+  const asmjit::Label slow = a_.newLabel(), end = a_.newLabel();
+  x86::Mem last = at(limit, kRangeLast);
+  last.setSize(8);
+  a_.cmp(last, 4 - bytes);
+  a_.jb(slow);
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const Ymm off = load(offset, part, t0());
+    a_.vmovaps(t1(), limit);
+    a_.vpsubd(t1(), t1(), pool32(4 - bytes));
+    a_.vpminud(t1(), t1(), off);
+    a_.vpcmpeqd(t1(), t1(), off);
+    a_.vmovmskps(x86::ecx, t1());
+    a_.cmp(x86::ecx, 0xff);
+    a_.jne(slow);
+    a_.vpxor(t0(), off, pool32(0x80000000u));
+    const Ymm d = target(v, part);
+    a_.vpxor(d, d, d);
+    a_.vgatherdps(d, x86::ptr(biased, t0()), t1());
+    a_.vpand(d, d, pool32(bytes == 1 ? 0xff : 0xffff));
+    finish(v, part, d);
+  }
+  a_.jmp(end);
+  a_.bind(slow);
+  // Lanes within bounds one by one.
   for (uint32_t part = 0; part < p_.unroll; part++) {
     const Ymm off = load(offset, part, t0());
     a_.vmovaps(frameMem(frameRow(0), part), off);
@@ -238,10 +286,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
   a_.bind(again);
   a_.tzcnt(x86::edx, x86::ecx);
   a_.mov(x86::eax, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(0))));
-  if (wide) {
-    a_.mov(x86::rax, x86::ptr(base, x86::rax));
-    a_.mov(x86::ptr(frame_, x86::rdx, 3, int32_t(frameRow(5))), x86::rax);
-  } else {
+  {
     if (bytes == 2) a_.movzx(x86::eax, x86::word_ptr(base, x86::rax));
     else a_.movzx(x86::eax, x86::byte_ptr(base, x86::rax));
     a_.mov(x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(5))), x86::eax);
@@ -254,6 +299,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
     a_.vmovaps(d, frameMem(frameRow(5), part));
     finish(v, part, d);
   }
+  a_.bind(end);
 }
 
 void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit) {
@@ -333,27 +379,55 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
   a_.bind(done);
 }
 
-//! Work-group memory as a range, in row 4 of the frame: rsi base, rdi base + 2^31. It is not known before the run.
-void Emitter::sharedRange(uint32_t constant, uint32_t bytes, bool store) {
+//! Work-group memory as ranges, made in the frame when a chunk starts: its size is not known before.
+void Emitter::findSharedRanges() {
+  for (Value v = 1; v < f_.insts.size(); v++) {
+    const Inst& i = f_.insts[v];
+    if (!p_.a.needed[v] || (i.op != Op::SharedLoad && i.op != Op::SharedStore)) continue;
+    const bool store = i.op == Op::SharedStore;
+    const SharedRange r{uint32_t(i.imm), ir::typeBytes(store ? f_.type(f_.operands(v)[1]) : i.type), store};
+    if (std::none_of(sharedRanges_.begin(), sharedRanges_.end(),
+                     [&](const SharedRange& k) { return k.constant == r.constant && k.bytes == r.bytes && k.store == r.store; }))
+      sharedRanges_.push_back(r);
+    if (sharedRanges_.size() == kMaxSharedRanges) return;
+  }
+}
+
+void Emitter::makeSharedRange(const SharedRange& r, uint32_t place) {
   const asmjit::Label bad = a_.newLabel(), done = a_.newLabel();
   a_.mov(x86::rdx, x86::ptr(call_, offsetof(ChunkCall, sharedBytes)));
   a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, shared)));
-  a_.mov(x86::rcx, uint64_t(constant) + bytes);
+  a_.mov(x86::rcx, uint64_t(r.constant) + r.bytes);
   a_.sub(x86::rdx, x86::rcx);
   a_.jb(bad);
-  a_.mov(x86::ecx, constant);
+  a_.mov(x86::ecx, r.constant);
   a_.add(x86::rsi, x86::rcx);
   a_.jmp(done);
   a_.bind(bad);
   a_.xor_(x86::edx, x86::edx);
-  a_.mov(x86::rsi, uint64_t(reinterpret_cast<uintptr_t>(store ? sinkBlock() : zeroBlock())));
+  a_.mov(x86::rsi, uint64_t(reinterpret_cast<uintptr_t>(r.store ? sinkBlock() : zeroBlock())));
   a_.bind(done);
   a_.mov(x86::edi, 0x80000000u);
   a_.add(x86::rdi, x86::rsi);
   a_.vmovd(t0().xmm(), x86::edx);
   a_.vpbroadcastd(t0(), t0().xmm());
-  a_.vmovaps(frameMem(frameRow(4)), t0());
-  a_.mov(at(frameMem(frameRow(4)), kRangeLast), x86::rdx);
+  a_.vmovaps(frameMem(place), t0());
+  a_.mov(at(frameMem(place), kRangeBase), x86::rsi);
+  a_.mov(at(frameMem(place), kRangeBiased), x86::rdi);
+  a_.mov(at(frameMem(place), kRangeLast), x86::rdx);
+}
+
+//! rsi: base, rdi: base + 2^31; gives the range.
+x86::Mem Emitter::sharedRange(uint32_t constant, uint32_t bytes, bool store) {
+  uint32_t place = frameRow(4);   // too many of them: made each time
+  for (size_t k = 0; k < sharedRanges_.size(); k++)
+    if (const SharedRange& r = sharedRanges_[k]; r.constant == constant && r.bytes == bytes && r.store == store)
+      place = sharedPlace_ + uint32_t(k) * 2 * kVectorBytes;
+  if (place == frameRow(4)) makeSharedRange({constant, bytes, store}, place);
+  const x86::Mem range = frameMem(place);
+  a_.mov(x86::rsi, at(range, kRangeBase));
+  if (!store) a_.mov(x86::rdi, at(range, kRangeBiased));
+  return range;
 }
 
 bool Emitter::memory(Value v) {
@@ -378,7 +452,10 @@ bool Emitter::memory(Value v) {
       const bool table = i.op == Op::TableLoad;
       const Value offset = table ? o[0] : o[1];
       const uint32_t number = table ? uint32_t(i.imm >> 32) : 0;
-      if (!table && (!isUniform(o[0]) || !isUniform(o[2]))) return false;
+      if (!table && (!isUniform(o[0]) || !isUniform(o[2]))) {
+        loadAddresses(v);
+        return true;
+      }
       const Value base = table ? 0 : o[0], size = table ? 0 : o[2];
       const uint32_t bytes = ir::typeBytes(i.type);
       if (isUniform(offset)) {
@@ -391,9 +468,12 @@ bool Emitter::memory(Value v) {
         }
         return true;
       }
-      if (f_.type(offset) != Type::I32 || (size && isUnbounded(size))) return false;
+      if (f_.type(offset) != Type::I32 || (size && isUnbounded(size))) {
+        loadAddresses(v);
+        return true;
+      }
       const x86::Mem limit = useRange(rangeSlot(base, size, number, constant, bytes, false));
-      if (bytes == 4) a_.mov(x86::rdi, at(limit, kRangeBiased));
+      a_.mov(x86::rdi, at(limit, kRangeBiased));
       loadRange(v, offset, x86::rsi, x86::rdi, limit);
       return true;
     }
@@ -405,13 +485,11 @@ bool Emitter::memory(Value v) {
     }
     case Op::SharedLoad:
       if (preamble_) return false;
-      sharedRange(constant, ir::typeBytes(i.type), false);
-      loadRange(v, o[0], x86::rsi, x86::rdi, frameMem(frameRow(4)));
+      loadRange(v, o[0], x86::rsi, x86::rdi, sharedRange(constant, ir::typeBytes(i.type), false));
       return true;
     case Op::SharedStore:
       if (preamble_) return false;
-      sharedRange(constant, ir::typeBytes(f_.type(o[1])), true);
-      storeRange(v, o[0], o[1], x86::rsi, frameMem(frameRow(4)));
+      storeRange(v, o[0], o[1], x86::rsi, sharedRange(constant, ir::typeBytes(f_.type(o[1])), true));
       return true;
     case Op::LocalLoad:
     case Op::LocalStore:

@@ -21,7 +21,7 @@ class KeepError final : public asmjit::ErrorHandler {
 }  // namespace
 
 Emitter::Emitter(const Plan& plan, asmjit::CodeHolder& code, const interp::KernelTable& kernels)
-    : p_(plan), f_(*plan.f), kernels_(kernels), a_(&code), bankSlot_(f_.insts.size(), 0), linear_(f_.insts.size(), -1) {}
+    : p_(plan), f_(*plan.f), kernels_(kernels), a_(&code), bankSlot_(f_.insts.size(), 0), linear_(f_.insts.size(), -1), hot_(f_.insts.size(), -1) {}
 
 std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& preambleLabel) {
   out_ = &out;
@@ -42,6 +42,11 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
     }
   if (p_.frameSlots > (1u << 18)) return "too many values live at once";
   out.frameBytes = kFrameSlots + p_.frameSlots * kVectorBytes;
+  findSharedRanges();
+  sharedPlace_ = out.frameBytes;
+  out.frameBytes += uint32_t(sharedRanges_.size()) * 2 * kVectorBytes;
+  // A guess that saves the buffer from growing step by step.
+  a_.code()->reserveBuffer(&a_.code()->textSection()->buffer(), 1024 + f_.insts.size() * (10 + 8 * p_.unroll));
 
   a_.bind(bodyLabel);
   body();
@@ -127,7 +132,10 @@ void Emitter::vregFinish(uint32_t id, uint32_t part, Ymm from) {
 }
 
 Source Emitter::source(Value v, uint32_t part) {
-  if (isUniform(v)) return mem(scalar(v));
+  if (isUniform(v)) {
+    if (hot_[v] >= 0 && !preamble_) return reg(x86::ymm(uint32_t(hot_[v])));
+    return mem(scalar(v));
+  }
   if (p_.vregOf[v] == kNone) {
     fail(v, "has no place");
     return reg(t0());
@@ -290,6 +298,7 @@ void Emitter::body() {
     maskFromBits(d, x86::eax, part);
     vregFinish(all, part, d);
   }
+  for (size_t k = 0; k < sharedRanges_.size(); k++) makeSharedRange(sharedRanges_[k], sharedPlace_ + uint32_t(k) * 2 * kVectorBytes);
   for (Value v : p_.zeroed)
     for (uint32_t part = 0; part < p_.parts(p_.vregs[p_.vregOf[v]]); part++) {
       const Ymm d = target(v, part);
@@ -302,6 +311,8 @@ void Emitter::body() {
     const Op op = f_.insts[v].op;
     if (op == Op::Nop || op == Op::Var || op == Op::LocalAlloc) continue;
     out_->operations++;
+    if (p_.folded[v] || v == doneAlready_) continue;
+    if (op != Op::QuadLoad && op != Op::VarGet && op != Op::VarSet && ir::opInfo(op).operands == ir::OperandRule::Free) quadPointers_ = false;
     if (ir::opInfo(op).flags & ir::kControl || op == Op::Barrier) control(v);
     else {
       single_ = p_.flat[v];
@@ -309,6 +320,7 @@ void Emitter::body() {
       single_ = false;
     }
   }
+  quadPointers_ = false;
   a_.bind(labels_[0].end);
   a_.xor_(x86::eax, x86::eax);
   static_assert(int(interp::Progress::Finished) == 0);

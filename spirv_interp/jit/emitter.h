@@ -41,6 +41,9 @@ struct Emitted {
   size_t operations = 0, preambleOperations = 0;
 };
 
+//! The one instruction that does this to vectors in either order, or 0.
+InstId commutative(Op op, Type t);
+
 class Emitter {
  public:
   Emitter(const Plan& plan, asmjit::CodeHolder& code, const interp::KernelTable& kernels);
@@ -82,7 +85,8 @@ class Emitter {
   // --- small helpers
   void bin(InstId id, Ymm d, const Source& a, const Source& b, bool commutes = false);
   void cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t predicate);
-  void mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide);
+  //! d = a * b + c, product and c negated as said.
+  void mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide, bool negative, bool subtract);
   void blend(Ymm d, const Source& no, const Source& yes, Ymm mask);   //!< by 32-bit elements
   static Source reg(Ymm r) { return {true, r, {}}; }
   static Source mem(const x86::Mem& m) { return {false, {}, m}; }
@@ -107,12 +111,15 @@ class Emitter {
   void select(Value v);
   void shift(Value v);
   bool multiplyHigh(Value v);
+  void multiplyWide(Value v);
+  void divide(Value v);
   bool lanes(Value v);           // emit_lanes.cpp: quads, subgroups, rows of the caller
   void input(Value v);
   void output(Value v);
   void laneId(Value v);
   void quadLoad(Value v);
   void derivative(Value v);
+  bool reduce(Value v);
   bool memory(Value v);          // emit_memory.cpp
   bool callOut(Value v);         // emit_call.cpp
   void callThunk(const void* function, const void* site);
@@ -127,8 +134,15 @@ class Emitter {
   void uniformLoad(Value v);      // preamble
   void broadcast(Ymm d, const x86::Gp& address, Type t);
   void loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit);
+  void loadAddresses(Value v);    // emit_gather.cpp
   void storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit);
-  void sharedRange(uint32_t constant, uint32_t bytes, bool store);
+  struct SharedRange {
+    uint32_t constant = 0, bytes = 0;
+    bool store = false;
+  };
+  void findSharedRanges();
+  void makeSharedRange(const SharedRange& r, uint32_t place);
+  x86::Mem sharedRange(uint32_t constant, uint32_t bytes, bool store);
   bool mayBeLinear(Value offset);
   bool isUnbounded(Value size) const;
   void tileLoad(Value v);
@@ -137,6 +151,9 @@ class Emitter {
   // --- control (emit_control.cpp)
   void control(Value v);
   const asmjit::Label& endOf(uint32_t region) const;
+  const asmjit::Label& leftBy(Value brk, uint32_t region) const;   //!< where a break of all lanes goes
+  void enterLoop(uint32_t region);
+  void leaveLoop();
   void varSet(Value v);
   void none(uint32_t vreg, const asmjit::Label& to);     //!< jumps if no lane is active
   void any(uint32_t vreg, const asmjit::Label& to);
@@ -156,6 +173,8 @@ class Emitter {
   bool single_ = false;         //!< the operation has one part only: preamble, or flat
   std::string error_;
   uint32_t region_ = 0;
+  Value doneAlready_ = 0;       //!< an instruction that the one before has emitted
+  bool quadPointers_ = false;   //!< r8 .. r11 hold the addresses of the chunk's quads' records
 
   const x86::Gp frame_ = x86::rbx, bank_ = x86::r12, call_ = x86::r13, pool_ = x86::r14, lane0_ = x86::rbp;
   static constexpr Ymm t0() { return x86::ymm13; }
@@ -170,6 +189,11 @@ class Emitter {
   std::vector<int8_t> linear_;              // by value: mayBeLinear, -1 unknown
   std::vector<uint8_t> aligned_;            // by value: isAligned; empty: unknown
   std::vector<uint32_t> localArea_;         // by LocalAlloc
+  std::vector<int8_t> hot_;                 // by uniform value: its register for now, or -1
+  std::vector<std::pair<Value, int8_t>> hotBefore_;   // what hot_ was before each loop that is open
+  std::vector<size_t> hotMarks_;            // by open loop: size of hotBefore_
+  std::vector<SharedRange> sharedRanges_;
+  uint32_t sharedPlace_ = 0;                // of their copies in the frame
   struct RegionLabels {
     asmjit::Label end, start, out;   //!< out: behind a loop's end
   };

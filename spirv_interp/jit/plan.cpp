@@ -1,6 +1,10 @@
 #include "spirv_interp/jit/plan.h"
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "spirv_interp/ir/fold.h"
 
 namespace pumice::jit {
 namespace {
@@ -42,6 +46,9 @@ class Planner {
     p_.flat.assign(n, 0);
     findRegions();
     findFlat();
+    settleBounded();
+    findFolded();
+    findUses();
     for (const Inst& i : f_.insts) {
       p_.mayWait |= i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
                     ((i.op == Op::Load || i.op == Op::SharedLoad) && (i.flags & ir::kInstVolatile));
@@ -49,6 +56,7 @@ class Planner {
     }
     p_.suspends |= p_.mayWait;
     walk();
+    std::stable_sort(p_.hot.begin(), p_.hot.end(), [](const Hot& a, const Hot& b) { return a.region < b.region; });
   }
 
  private:
@@ -56,8 +64,13 @@ class Planner {
     p_.regions.push_back({});
     p_.regions[0].end = Value(f_.insts.size());
     std::vector<uint32_t> open{0};
+    loopOf_.assign(f_.insts.size(), 0);
+    uint32_t loop = 0;
     for (Value v = 1; v < f_.insts.size(); v++) {
       const Inst& i = f_.insts[v];
+      loopOf_[v] = loop;   // of a loop's own markers: the loop around it
+      if (i.op == Op::Loop) loop = uint32_t(p_.regions.size());
+      if (i.op == Op::EndLoop) loop = loopOf_[v] = loopOf_[p_.regions[loop].begin];
       if (closes(i.op)) {
         const uint32_t r = open.back();
         open.pop_back();
@@ -87,6 +100,118 @@ class Planner {
       }
     }
     then_.resize(p_.regions.size(), kNone);
+  }
+
+  //! Values that are finite whatever their operands are (what was clamped, and arithmetic on it) make no NaN.
+  void settleBounded() {
+    struct Bounds {
+      double low = -HUGE_VAL, high = HUGE_VAL;
+      bool number = false;   // no NaN
+      bool finite() const { return number && low > -1e30 && high < 1e30; }
+    };
+    std::vector<Bounds> bounds(f_.insts.size());
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      const Inst& i = f_.insts[v];
+      if (i.type != Type::F32) continue;
+      const auto o = f_.operands(v);
+      Bounds& r = bounds[v];
+      const auto b = [&](size_t k) -> const Bounds& { return bounds[o[k]]; };
+      const auto sum = [](const Bounds& x, const Bounds& y) { return Bounds{x.low + y.low, x.high + y.high, true}; };
+      const auto product = [](const Bounds& x, const Bounds& y) {
+        const double p[] = {x.low * y.low, x.low * y.high, x.high * y.low, x.high * y.high};
+        return Bounds{*std::min_element(p, p + 4), *std::max_element(p, p + 4), true};
+      };
+      switch (i.op) {
+        case Op::Const:
+          if (const double x = ir::floatValue(i.type, i.imm); x == x) r = {x, x, true};
+          break;
+        // A NaN gives the other operand.
+        case Op::FMin:
+        case Op::FMax: {
+          const Bounds &x = b(0), &y = b(1);
+          r.number = x.number || y.number;
+          if (i.op == Op::FMin) {
+            r.high = x.number && y.number ? std::min(x.high, y.high) : x.number ? x.high : y.high;
+            r.low = std::min(x.low, y.low);
+          } else {
+            r.low = x.number && y.number ? std::max(x.low, y.low) : x.number ? x.low : y.low;
+            r.high = std::max(x.high, y.high);
+          }
+          if (!r.number) r = {};
+          break;
+        }
+        case Op::FAdd:
+          if (b(0).finite() && b(1).finite()) r = sum(b(0), b(1));
+          break;
+        case Op::FSub:
+          if (b(0).finite() && b(1).finite()) r = {b(0).low - b(1).high, b(0).high - b(1).low, true};
+          break;
+        case Op::FMul:
+          if (b(0).finite() && b(1).finite()) r = product(b(0), b(1));
+          break;
+        case Op::Fma:
+          if (b(0).finite() && b(1).finite() && b(2).finite()) r = sum(product(b(0), b(1)), b(2));
+          break;
+        case Op::FFloor:
+        case Op::FCeil:
+        case Op::FTrunc:
+        case Op::FRoundEven:
+          if (b(0).finite()) r = {b(0).low - 1, b(0).high + 1, true};
+          break;
+        case Op::FNeg:
+          if (b(0).finite()) r = {-b(0).high, -b(0).low, true};
+          break;
+        default: break;
+      }
+      if (!(r.low > -1e30 && r.high < 1e30)) {
+        // Products of such would leave the range; the number alone is still worth knowing.
+        if (r.number && i.op != Op::FMin && i.op != Op::FMax && i.op != Op::Const) r = {};
+      } else if (i.op != Op::Const && i.op != Op::FMin && i.op != Op::FMax) {
+        // Roundings.
+        r.low -= std::abs(r.low) * 1e-6 + 1e-30;
+        r.high += std::abs(r.high) * 1e-6 + 1e-30;
+      }
+      if (r.number && p_.a.nan[v] == interp::NanBits::Arithmetic) p_.a.nan[v] = interp::NanBits::Settled;
+    }
+  }
+
+  //! Signs that an fma changes at no cost.
+  void findFolded() {
+    p_.folded.assign(f_.insts.size(), 0);
+    std::vector<uint8_t>& folded = p_.folded;
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      const Inst& i = f_.insts[v];
+      if (i.op != Op::FNeg || !p_.a.needed[v] || p_.a.uniform[v] || i.type == Type::F16) continue;
+      const Op of = f_.insts[f_.operands(v)[0]].op;   // what stands for a variable may change before the fma
+      folded[v] = of != Op::VarGet && of != Op::BitCast;
+    }
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      if (!p_.a.needed[v]) continue;
+      const bool can = f_.insts[v].op == Op::Fma && !p_.a.uniform[v];
+      for (Value o : f_.operands(v))
+        if (!can) folded[o] = 0;
+    }
+  }
+
+  //! Last uses with those that loops repeat, and the next set of each variable.
+  void findUses() {
+    lastUse_.assign(f_.insts.size(), 0);
+    nextSet_.assign(f_.insts.size(), 0);
+    std::vector<Value> set(f_.insts.size(), 0);
+    const auto extended = [&](Value def, Value at) {
+      Value until = at;
+      for (uint32_t l = loopOf_[at]; l && p_.regions[l].begin > def; l = loopOf_[p_.regions[l].begin]) until = p_.regions[l].end;
+      return until;
+    };
+    for (Value v = Value(f_.insts.size()); v-- > 1;) {
+      if (!p_.a.needed[v]) continue;
+      const Inst& i = f_.insts[v];
+      Value at = v;
+      if (i.op == Op::BitCast || i.op == Op::FNeg) at = std::max(v, lastUse_[v]);   // may stand for its operand
+      if (i.op == Op::If) at = p_.regions[p_.regionOf[v]].end;                      // the else looks again
+      for (Value o : f_.operands(v)) lastUse_[o] = std::max({lastUse_[o], extended(o, v), at});
+      if (i.op == Op::VarSet) nextSet_[v] = std::exchange(set[f_.operands(v)[0]], v);
+    }
   }
 
   struct Place {
@@ -179,11 +304,14 @@ class Planner {
     r.start = r.end = start;
     r.wide = wide;
     p_.vregs.push_back(r);
+    lastRead_.push_back(start);
+    shared_.push_back(0);
     return uint32_t(p_.vregs.size() - 1);
   }
   void useReg(uint32_t id, Value at) {
     Vreg& r = p_.vregs[id];
     r.weight += weight_;
+    lastRead_[id] = at;
     Value until = at;
     for (uint32_t l : loops_)   // outermost first
       if (p_.regions[l].begin > r.start) {
@@ -193,7 +321,59 @@ class Planner {
     r.end = std::max(r.end, until);
   }
   void use(Value v, Value at) {
-    if (!p_.a.uniform[v] && p_.vregOf[v] != kNone) useReg(p_.vregOf[v], at);
+    if (p_.folded[v]) v = f_.operands(v)[0];
+    if (p_.a.uniform[v]) useUniform(v, at);
+    else if (p_.vregOf[v] != kNone) useReg(p_.vregOf[v], at);
+  }
+  void useUniform(Value v, Value at) {
+    const Op op = f_.insts[at].op;
+    if (loops_.empty() || (ir::opInfo(op).operands == ir::OperandRule::Free && op != Op::VarSet)) return;
+    if ((op == Op::Shl || op == Op::LShr || op == Op::AShr) && f_.insts[v].op == Op::Const) return;   // part of the instruction
+    const uint32_t loop = loops_.back();
+    if (hotOf_.empty()) hotOf_.assign(f_.insts.size(), kNone);
+    if (hotOf_[v] == kNone || p_.hot[hotOf_[v]].region != loop) {
+      hotOf_[v] = uint32_t(p_.hot.size());
+      const uint32_t id = newVreg(p_.regions[loop].begin);
+      Vreg& r = p_.vregs[id];
+      r.end = p_.regions[loop].end;
+      r.flat = r.uniform = true;
+      p_.hot.push_back({v, loop, id});
+    }
+    p_.vregs[p_.hot[hotOf_[v]].vreg].weight += weight_;
+  }
+
+  //! Whether what a VarSet sets can be computed in the variable's place: nobody looks at the old value between, and nobody sets
+  //! the variable while the value is still used as such.
+  bool joins(Value v) const {
+    const Value var = f_.operands(v)[0], x = f_.operands(v)[1];
+    if (p_.a.uniform[x] || p_.vregOf[x] == kNone || x <= lastControl_ || p_.flat[x] != p_.flat[var]) return false;
+    const uint32_t id = p_.vregOf[x];
+    if (p_.vregs[id].start != x || (shared_[id] & kHoldsVar)) return false;
+    if (ir::isFloat(f_.type(x)) && p_.a.nan[var] == interp::NanBits::Kept && p_.a.nan[x] == interp::NanBits::Arithmetic) return false;
+    if (nextSet_[v] && lastUse_[x] > nextSet_[v]) return false;
+    if (home_[var] == kNone) return true;
+    if ((shared_[id] & kHasAlias) || !coversAll(home_[var])) return false;
+    const uint32_t read = lastRead_[p_.vregOf[var]];
+    return read < x || (read == x && !crossesParts(f_, x));
+  }
+  void join(Value v) {
+    const Value var = f_.operands(v)[0], x = f_.operands(v)[1];
+    const uint32_t id = p_.vregOf[x];
+    p_.masked[v] = 0;
+    if (home_[var] == kNone) {
+      home_[var] = current_;
+      p_.vregOf[var] = id;
+      shared_[id] |= kHoldsVar;
+      useReg(id, v);
+      return;
+    }
+    Vreg& from = p_.vregs[id];
+    from.unused = true;
+    p_.vregOf[x] = p_.vregOf[var];
+    Vreg& to = p_.vregs[p_.vregOf[x]];
+    to.weight += from.weight;
+    useReg(p_.vregOf[x], std::max(lastRead_[id], v));
+    to.end = std::max(to.end, from.end);
   }
   void useMask(Value at) { useReg(p_.regions[current_].mask, at); }
   void define(Value v) {
@@ -223,6 +403,7 @@ class Planner {
         p_.vregOf[v] = newVreg(0, ir::typeBytes(f_.type(v)) == 8);
         p_.vregs.back().flat = p_.flat[v];
         home_[v] = 0;
+        shared_.back() = kHoldsVar;
         p_.zeroed.push_back(v);
       }
     for (Value v = 1; v < f_.insts.size(); v++)
@@ -232,10 +413,14 @@ class Planner {
   void instruction(Value v) {
     const Inst& i = f_.insts[v];
     const auto o = f_.operands(v);
+    if (ir::opInfo(i.op).flags & ir::kControl || i.op == Op::Barrier) lastControl_ = v;
     switch (i.op) {
       case Op::Nop:
       case Op::Var: return;
       case Op::LocalAlloc: return;
+      case Op::FNeg:
+        if (p_.folded[v]) return;
+        break;
       case Op::VarGet:
         if (p_.a.aliasesVar[v]) {
           p_.vregOf[v] = p_.vregOf[o[0]];
@@ -246,10 +431,12 @@ class Planner {
         }
         return;
       case Op::VarSet:
+        if (joins(v)) return join(v);
         use(o[1], v);
         if (home_[o[0]] == kNone) {
           home_[o[0]] = current_;
           define(o[0]);
+          shared_.back() = kHoldsVar;
           p_.vregs.back().start = p_.vregs.back().end = v;
         }
         p_.masked[v] = !coversAll(home_[o[0]]);
@@ -260,6 +447,7 @@ class Planner {
         // The same bits under another name, unless NaNs have to be made canonical.
         if (p_.inRegister(o[0]) && !(ir::isFloat(f_.type(o[0])) && p_.a.nan[o[0]] == interp::NanBits::Arithmetic)) {
           p_.vregOf[v] = p_.vregOf[o[0]];
+          shared_[p_.vregOf[v]] |= kHasAlias;
           use(v, v);
           return;
         }
@@ -315,7 +503,7 @@ class Planner {
       default: break;
     }
     for (Value operand : o) use(operand, v);
-    if ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kRead)) && i.op != Op::Barrier) useMask(v);
+    if (((ir::opInfo(i.op).flags & (ir::kEffect | ir::kRead)) && i.op != Op::Barrier) || i.op == Op::LoadConst) useMask(v);
     if (i.type != Type::None) define(v);
   }
 
@@ -344,6 +532,14 @@ class Planner {
   std::vector<uint32_t> home_;    // by var: region beyond which nobody looks
   std::vector<uint8_t> lost_;     // by region: lanes have left it since its start
   std::vector<uint32_t> loops_;
+  enum Shared : uint8_t { kHoldsVar = 1, kHasAlias = 2 };
+  std::vector<uint8_t> shared_;      // by Vreg
+  std::vector<Value> lastRead_;      // by Vreg: latest use so far
+  std::vector<Value> lastUse_;       // by value, in loops their ends
+  std::vector<Value> nextSet_;       // by VarSet: the next of its variable, 0: none
+  std::vector<uint32_t> loopOf_;     // by instruction: region of the innermost loop around it, 0: none
+  std::vector<uint32_t> hotOf_;      // by value: its latest entry
+  Value lastControl_ = 0;
   uint32_t current_ = 0;
   float weight_ = 1;
 };
@@ -353,7 +549,7 @@ uint32_t pressure(const Plan& p) {
   std::vector<int32_t> change(p.f->insts.size() + 2, 0);
   for (const Vreg& r : p.vregs) {
     // What is hardly used may live in the frame.
-    if (r.flat || r.weight * 16 < float(r.end - r.start)) continue;
+    if (r.flat || r.unused || r.weight * 16 < float(r.end - r.start)) continue;
     change[r.start] += r.wide ? 2 : 1;
     change[r.end + 1] -= r.wide ? 2 : 1;
   }

@@ -24,6 +24,8 @@ struct Vreg {
   float weight = 0;              //!< uses, those in loops counting more
   bool wide = false;             //!< 64-bit elements
   bool flat = false;             //!< all lanes hold the same: one part serves for all
+  bool uniform = false;          //!< a constant or a value of the bank, for a while in a register: needs no slot
+  bool unused = false;           //!< another Vreg took its place
   int8_t reg[kMaxParts];         //!< -1: in the frame
   uint32_t slot[kMaxParts];      //!< index of its vector in the frame
 };
@@ -42,6 +44,12 @@ struct Region {
   bool parentLeft = false;       //!< a break within leaves the parent too, which may be empty behind this
 };
 
+//! A uniform value that a loop without inner ones uses: loaded before the loop if a register is left.
+struct Hot {
+  ir::Value value = 0;
+  uint32_t region = 0, vreg = 0;
+};
+
 struct Plan {
   const ir::Function* f = nullptr;
   interp::Analysis a;
@@ -55,6 +63,8 @@ struct Plan {
   //! all lanes run alike, and what is computed from them. By break: all lanes of the construct leave together.
   std::vector<uint8_t> flat;
   std::vector<ir::Value> zeroed; //!< vars that must be zero at the start
+  std::vector<uint8_t> folded;   //!< by value: an fneg that the fma's which use it do themselves
+  std::vector<Hot> hot;          //!< by region
   bool mayWait = false;          //!< chunks must give way in loops
   bool suspends = false;         //!< mayWait, or a barrier
   uint32_t frameSlots = 0;       //!< vectors of the frame
