@@ -285,7 +285,7 @@ def scaling(runner, names, largest):
         text.append(f"### {title}\n\n{markdown_table(header, rows)}\n")
 
     table("Triangles of two pixels", "triangles",
-          [(f"1e{power}", "triangles_million", ["--amount", str(10 ** power), "--frames", "1"], ())
+          [(f"1e{power}", "triangles_million", ["--amount", str(10 ** power), "--frames", "1", "--warm", "2" if power < 7 else "0"], ())
            for power in range(4, 9) if 10 ** power <= largest])
     table("Pixels of one triangle", "side",
           [(str(side), "full_screen_triangle", ["--size", f"{side}x{side}"], ()) for side in (256, 1024, 4096, 16384)])

@@ -42,15 +42,12 @@ void forRegions(VkCommandBuffer buffer, const Region* regions, uint32_t count, B
 
 bool bound(const texture::ImageMemory& a) { return a.layout; }
 
-void copyRange(const texture::BufferMemory& src, const texture::BufferMemory& dst, uint64_t size) {
-  size = std::min({size, src.size, dst.size});
-  if (size) std::memcpy(dst.base, src.base, size);
-}
-
 }  // namespace
 
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyBuffer(VkCommandBuffer b, VkBuffer src, VkBuffer dst, uint32_t count, const VkBufferCopy* regions) {
-  forRegions(b, regions, count, [s = from(src), d = from(dst)](base::ThreadPool&, const VkBufferCopy& r) { copyRange(s->range(r.srcOffset), d->range(r.dstOffset), r.size); });
+  forRegions(b, regions, count, [s = from(src), d = from(dst)](base::ThreadPool& pool, const VkBufferCopy& r) {
+    texture::copyBuffer(pool, s->range(r.srcOffset), d->range(r.dstOffset), r.size);
+  });
 }
 VKAPI_ATTR void VKAPI_CALL vkCmdCopyBuffer2(VkCommandBuffer b, const VkCopyBufferInfo2* i) {
   auto regions = firstForm<VkBufferCopy>(b, i->pRegions, i->regionCount);
@@ -116,7 +113,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdUpdateBuffer(VkCommandBuffer buffer, VkBuffer ds
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdFillBuffer(VkCommandBuffer buffer, VkBuffer dst, VkDeviceSize offset, VkDeviceSize size, uint32_t value) {
-  from(buffer)->record([out = from(dst)->range(offset, size), value](Execution&) { std::fill_n(reinterpret_cast<uint32_t*>(out.base), out.size / 4, value); });
+  from(buffer)->record([out = from(dst)->range(offset, size), value](Execution& e) { texture::fillBuffer(e.pool, out, value); });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdClearColorImage(VkCommandBuffer b, VkImage image, VkImageLayout, const VkClearColorValue* value, uint32_t count, const VkImageSubresourceRange* ranges) {

@@ -54,11 +54,12 @@ void fillLevel(base::ThreadPool& pool, const ImageMemory& image, const PlaneLayo
   // Padding is filled with the rest. Rows of blocks hold whole elements; rows of linear images may end in padding.
   const bool tiled = image.layout->tiled;
   const uint32_t rows = (tiled ? (l.elementsY + 3) / 4 : l.elementsY) * l.depth;
+  const Store store = storeFor(l.slicePitch * l.depth);
   const uint64_t perRow = tiled ? l.rowPitch / plane.elementBytes : l.elementsX;
   for (uint32_t sample = 0; sample < image.layout->samples; ++sample) {
     std::byte* base = sliceOf(image, plane, level, layer, sample, 0).base;
     parallelRanges(pool, rows, l.rowPitch, [&](uint32_t begin, uint32_t end) {
-      for (uint32_t i = begin; i < end; ++i) fillElements(base + i * l.rowPitch, perRow, element, plane.elementBytes);
+      for (uint32_t i = begin; i < end; ++i) fillElements(base + i * l.rowPitch, perRow, element, plane.elementBytes, store);
     });
   }
 }
@@ -113,8 +114,10 @@ void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t leve
   const int64_t x1 = std::clamp<int64_t>(int64_t(rect.offset.x) + rect.extent.width, x0, l.elementsX);
   const int64_t y1 = std::clamp<int64_t>(int64_t(rect.offset.y) + rect.extent.height, y0, l.elementsY);
   if (x0 == x1 || y0 == y1) return;
-  const bool wholeRows = x0 == 0 && x1 == l.elementsX;
   const uint32_t width = uint32_t(x1 - x0), bytes = plane.elementBytes;
+  // Whole blocks lie one behind the other; those at the edges of the level may be filled with their padding.
+  const bool wholeColumns = layout.tiled && x0 % 4 == 0 && (x1 % 4 == 0 || x1 == l.elementsX);
+  const uint64_t across = x0 == 0 && x1 == l.elementsX ? l.rowPitch / bytes : uint64_t(width + 3) / 4 * 16;
   // One packed row of copies serves every row.
   std::byte row[64 * 32];
   const uint32_t chunk = std::min<uint32_t>(width, sizeof(row) / bytes) & ~(width > 4 ? 3u : 0u);
@@ -122,8 +125,8 @@ void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t leve
   for (uint32_t sample = 0; sample < layout.samples; ++sample) {
     Slice s = sliceOf(image, plane, level, layer, sample, z);
     for (int64_t y = y0; y < y1;) {
-      if (wholeRows && layout.tiled && y % 4 == 0 && (y + 4 <= y1 || y1 == l.elementsY)) {
-        fillElements(s.row(uint32_t(y)), l.rowPitch / bytes, element, bytes);
+      if (wholeColumns && y % 4 == 0 && (y + 4 <= y1 || y1 == l.elementsY)) {
+        fillElements(s.row(uint32_t(y)) + uint64_t(x0) * 4 * bytes, across, element, bytes);
         y += 4;
         continue;
       }

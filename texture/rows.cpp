@@ -1,6 +1,10 @@
 #include "texture/rows.h"
 
 #include <algorithm>
+#include <bit>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 namespace pumice::texture {
 namespace {
@@ -72,19 +76,55 @@ void writeRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std:
   moveRow<false>(s, x, y, count, const_cast<std::byte*>(in));
 }
 
-void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint32_t elementBytes) {
+void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint32_t elementBytes, Store store) {
   uint64_t bytes = count * elementBytes;
   if (bytes == 0) return;
-  if (std::all_of(element + 1, element + elementBytes, [&](std::byte b) { return b == element[0]; })) {
+  if (store == Store::kCached && std::all_of(element + 1, element + elementBytes, [&](std::byte b) { return b == element[0]; })) {
     std::memset(out, int(element[0]), bytes);
     return;
   }
-  // A pattern of 16 elements is a whole number of vectors; copies of it follow.
-  std::byte pattern[16 * 32];
-  uint64_t unit = 16 * uint64_t(elementBytes);
-  for (int i = 0; i < 16; ++i) std::memcpy(pattern + i * elementBytes, element, elementBytes);
+  // A pattern of 32 elements, or as many as there are, is a whole number of vectors; copies of it follow.
+  alignas(16) std::byte pattern[32 * 32];
+  const uint64_t unit = std::min<uint64_t>(32 * uint64_t(elementBytes), bytes);
+  std::memcpy(pattern, element, elementBytes);
+  for (uint64_t done = elementBytes; done < unit;) {
+    const uint64_t more = std::min(done, unit - done);
+    std::memcpy(pattern + done, pattern, more);
+    done += more;
+  }
+#if defined(__SSE2__)
+  if (store == Store::kStream && std::has_single_bit(elementBytes) && elementBytes <= 16 && bytes >= 64 && reinterpret_cast<uintptr_t>(out) % 16 == 0) {
+    const __m128i all = _mm_load_si128(reinterpret_cast<const __m128i*>(pattern));
+    for (; bytes >= 64; bytes -= 64, out += 64)
+      for (int i = 0; i < 4; ++i) _mm_stream_si128(reinterpret_cast<__m128i*>(out) + i, all);
+    _mm_sfence();
+  }
+#endif
   for (; bytes >= unit; bytes -= unit, out += unit) std::memcpy(out, pattern, unit);
   std::memcpy(out, pattern, bytes);
+}
+
+void fillBuffer(base::ThreadPool& pool, const BufferMemory& buffer, uint32_t word) {
+  const Store store = storeFor(buffer.size);
+  const uint64_t pages = (buffer.size + 4095) / 4096;
+  parallelRanges(pool, uint32_t(pages), 4096, [&](uint32_t begin, uint32_t end) {
+    const uint64_t from = uint64_t(begin) * 4096, to = std::min(uint64_t(end) * 4096, buffer.size);
+    fillElements(buffer.base + from, (to - from) / 4, reinterpret_cast<const std::byte*>(&word), 4, store);
+  });
+}
+
+void copyBuffer(base::ThreadPool& pool, const BufferMemory& src, const BufferMemory& dst, uint64_t size) {
+  size = std::min({size, src.size, dst.size});
+  constexpr uint64_t kPiece = 1024 * 1024;
+  const uint64_t pieces = (size + kPiece - 1) / kPiece;
+  if (pieces <= 1) {
+    if (size) std::memcpy(dst.base, src.base, size);
+    return;
+  }
+  pool.parallelFor(uint32_t(pieces), [&](uint32_t i, unsigned) {
+    const uint64_t at = i * kPiece;
+    std::memcpy(dst.base + at, src.base + at, std::min(kPiece, size - at));
+  });
 }
 
 }  // namespace pumice::texture

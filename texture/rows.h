@@ -35,8 +35,13 @@ inline Slice sliceOf(const ImageMemory& image, const PlaneLayout& plane, uint32_
 void readRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out);
 void writeRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in);
 
+enum class Store { kCached, kStream };
+//! Whole fills and copies of this many bytes would only push everything else out of the caches: they go past them.
+constexpr uint64_t kStreamBytes = 8 * 1024 * 1024;
+inline Store storeFor(uint64_t bytes) { return bytes >= kStreamBytes ? Store::kStream : Store::kCached; }
+
 //! Fills memory with copies of an element.
-void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint32_t elementBytes);
+void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint32_t elementBytes, Store store = Store::kCached);
 
 //! fn(begin, end) over ranges of [0, count), on several threads if there are many bytes.
 template <typename Function>

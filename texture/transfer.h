@@ -18,6 +18,10 @@ struct BufferMemory {
   uint64_t size = 0;
 };
 
+//! A multiple of four bytes.
+void fillBuffer(base::ThreadPool& pool, const BufferMemory& buffer, uint32_t word);
+//! Of `size` bytes those that are in both; they do not overlap.
+void copyBuffer(base::ThreadPool& pool, const BufferMemory& src, const BufferMemory& dst, uint64_t size);
 void copyBufferToImage(base::ThreadPool& pool, const BufferMemory& src, const ImageMemory& dst, const VkBufferImageCopy& region);
 void copyImageToBuffer(base::ThreadPool& pool, const ImageMemory& src, const BufferMemory& dst, const VkBufferImageCopy& region);
 void copyImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageCopy& region);

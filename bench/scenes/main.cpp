@@ -23,7 +23,8 @@ int usage(int status) {
   (status ? std::cerr : std::cout)
       << "usage: pumice_scenes --scene NAME [options]\n"
          "  --driver FILE     manifest of the driver (default: the one of the build tree)\n"
-         "  --frames N        frames to measure after the first two (default: as many as fit in --seconds, at least 3)\n"
+         "  --frames N        frames to measure (default: as many as fit in --seconds, at least 3)\n"
+         "  --warm N          frames before those that are measured (default: 2)\n"
          "  --seconds S       see --frames (default: 1)\n"
          "  --size WxH        of the target (default: 1280x720)\n"
          "  --amount N        how much of what the scene counts (triangles, layers, draws)\n"
@@ -75,7 +76,7 @@ int run(int argc, char** argv) {
   double started = seconds(CLOCK_MONOTONIC);
   std::string name, driver = cts::pumiceManifest(), png;
   Options options;
-  long frames = 0;
+  long frames = 0, warm = 2;
   double budget = 1;
   bool wantHash = false;
   for (int i = 1; i < argc; ++i) {
@@ -99,6 +100,7 @@ int run(int argc, char** argv) {
     if (word == "--scene") name = value;
     else if (word == "--driver") driver = value;
     else if (word == "--frames") frames = std::atol(value.c_str());
+    else if (word == "--warm") warm = std::atol(value.c_str());
     else if (word == "--seconds") budget = std::atof(value.c_str());
     else if (word == "--amount") options.amount = std::strtoull(value.c_str(), nullptr, 10);
     else if (word == "--started") started = double(std::strtoull(value.c_str(), nullptr, 10)) * 1e-9;
@@ -145,7 +147,7 @@ int run(int argc, char** argv) {
     scene->frame();
     double wallAfter = seconds(CLOCK_MONOTONIC), processorAfter = seconds(CLOCK_PROCESS_CPUTIME_ID);
     if (i == 0) firstFrame = wallAfter;
-    if (i >= 2 || entry->once) {
+    if (i >= warm || entry->once) {
       if (wall.empty()) begun = wallBefore;
       wall.push_back(wallAfter - wallBefore);
       processor.push_back(processorAfter - processorBefore);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/texture/test_image.h"
+#include "texture/rows.h"
 
 namespace pumice::texture {
 namespace {
@@ -239,6 +240,36 @@ TEST(Clear, RectanglesEqualTheElementwiseFill) {
         for (uint32_t x = 0; x < 70; ++x) ASSERT_EQ(std::memcmp(image.element(kColor, 0, 0, x, y), expected.element(kColor, 0, 0, x, y), bytes), 0) << x << ' ' << y;
     }
   }
+}
+
+// Small, of several threads, past the caches; at every alignment that the API allows.
+TEST(Buffers, AreFilledAndCopiedExactly) {
+  base::ThreadPool pool(2);
+  constexpr uint64_t kEdge = 64;
+  for (uint64_t size : {uint64_t(4), uint64_t(60), uint64_t(4096 + 12), uint64_t(1 << 20) + 4, kStreamBytes + 20}) {
+    for (uint64_t offset : {0u, 4u, 20u}) {
+      std::vector<std::byte> memory(size + offset + kEdge, std::byte(0xee)), to = memory;
+      fillBuffer(pool, {memory.data() + offset, size}, 0x12345678);
+      for (uint64_t i = 0; i < memory.size(); ++i) {
+        const bool inside = i >= offset && i < offset + size;
+        const uint32_t expected = inside ? 0x12345678u >> ((i - offset) % 4 * 8) & 255 : 0xee;
+        ASSERT_EQ(uint32_t(memory[i]), expected) << "byte " << i << " of " << size << " at " << offset;
+      }
+      for (uint64_t i = 0; i < size; ++i) memory[offset + i] = std::byte(i * 7 >> 3);
+      copyBuffer(pool, {memory.data() + offset, size}, {to.data() + offset, size}, size + 100);
+      ASSERT_EQ(std::memcmp(to.data() + offset, memory.data() + offset, size), 0) << size;
+      ASSERT_EQ(to[offset + size], std::byte(0xee));
+    }
+  }
+}
+
+TEST(Clear, PastTheCachesFillsTheLevel) {
+  base::ThreadPool pool(2);
+  TestImage image(VK_FORMAT_R8G8B8A8_UNORM, {2048, 1030, 1}, 1, 1);
+  ASSERT_GE(image.layout.size, kStreamBytes);
+  clearColor(pool, image.memory(), {{1.0f, 0.0f, 1.0f, 0.0f}}, {kColor, 0, 1, 0, 1});
+  for (uint32_t y = 0; y < 1030; ++y)
+    for (uint32_t x = 0; x < 2048; ++x) ASSERT_EQ(image.pixel(x, y), 0x00ff00ffu) << x << ' ' << y;
 }
 
 }  // namespace
