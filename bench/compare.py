@@ -298,6 +298,30 @@ def scaling(runner, names, largest):
     return "\n".join(text)
 
 
+def ablations(runner, ideas, scenes, rounds):
+    """Markdown of what each idea saves: processor time of Pumice without it, by turns with the whole."""
+    rows = []
+    for scene in scenes:
+        if scene == "present":
+            continue
+        runs = {idea: [] for idea in ["", *ideas]}
+        for _ in range(rounds):
+            for idea, results in runs.items():
+                result = runner.once("Pumice", scene, (), {"PUMICE_DISABLE": idea} if idea else None)
+                if result:
+                    results.append(result["cpu_ms"])
+        if not all(runs.values()):
+            continue
+        whole = statistics.median(runs[""])
+        without = [statistics.median(runs[idea]) / max(whole, 1e-9) for idea in ideas]
+        say(f"{scene}: {number(whole)}; without " + ", ".join(f"{idea} x {number(r)}" for idea, r in zip(ideas, without)))
+        if any(r > 1.1 or r < 0.9 for r in without):
+            rows.append([scene, number(whole)] + [number(r) for r in without])
+    header = ["scene", "ms processor"] + [f"without {idea}" for idea in ideas]
+    return ("### What each idea saves\n\nProcessor time without it (`PUMICE_DISABLE`), as a multiple of the whole's; scenes where any "
+            "changes by more than a tenth.\n\n" + markdown_table(header, rows) + "\n")
+
+
 def main():
     parser = argparse.ArgumentParser(prog="./dev bench", description=__doc__.split("\n\n")[0],
                                      epilog=__doc__.split("\n\n", 1)[1], formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -311,6 +335,8 @@ def main():
     parser.add_argument("--without", action="append", default=[], metavar="NAME", help="leave this peer out")
     parser.add_argument("--scaling", action="store_true", help="also how time grows with triangles, pixels, processors")
     parser.add_argument("--largest", type=int, default=10 ** 8, help="most triangles of --scaling")
+    parser.add_argument("--ablations", metavar="IDEA,...", default="", help="also Pumice without each of these (PUMICE_DISABLE)")
+    parser.add_argument("--only-ablations", action="store_true", help="those, and nothing else")
     parser.add_argument("--only-scaling", action="store_true", help="that, and nothing else")
     parser.add_argument("--into", type=Path, help="also put it between the marks <!-- measured --> and <!-- end --> of this file")
     parser.add_argument("--out", type=Path, help="where bench.json and bench.md go (default: bench/ in the build directory)")
@@ -336,7 +362,7 @@ def main():
     results = {}
     text = ""
     limits = None
-    if not given.only_scaling:
+    if not given.only_scaling and not given.only_ablations:
         limits = runner.limits()
         with Xvfb() as display:
             if display:
@@ -365,8 +391,10 @@ def main():
                  + "Limits measured just before: "
                  + ", ".join(f"{key.replace('_per_second', '').replace('_', ' ')} {value / 1e9:.1f} G/s"
                              for key, value in limits.items() if key != "threads") + ".\n")
-    if given.scaling or given.only_scaling:
+    if (given.scaling or given.only_scaling) and not given.only_ablations:
         text += "\n" + scaling(runner, names, given.largest)
+    if given.ablations:
+        text += "\n" + ablations(runner, given.ablations.split(","), scenes, given.rounds)
 
     print(text)
     folder = given.out or given.build / "bench"
