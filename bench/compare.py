@@ -85,8 +85,10 @@ class Runner:
         return {words[0]: words[2] for words in (line.split(None, 2) for line in lines)}
 
     def limits(self):
-        out = subprocess.run([self.program, "--limits", "--seconds", "0.7"], capture_output=True, text=True, check=True)
-        return json.loads(out.stdout)
+        """Of all processors, and of one."""
+        command = [self.program, "--limits", "--seconds", "0.5"]
+        return {name: json.loads(subprocess.run([*command, *extra], capture_output=True, text=True, check=True).stdout)
+                for name, extra in (("all", []), ("one", ["--threads", "1"]))}
 
     def once(self, driver, scene, arguments=(), environment=None, prefix=()):
         env = {**os.environ, "MESA_SHADER_CACHE_DISABLE": "true", **(environment or {})}
@@ -150,18 +152,21 @@ def ratio(measured, key):
 
 
 def share(result, limits):
-    """The part of what the machine can do that the frame reaches, or None."""
+    """The parts of what the machine can do that the frame reaches: by the clock of what all processors can, and by processor
+    time of what one can."""
     if not result or result["limit"] == "none" or not limits:
-        return None
+        return ""
     key, amount = {
         "fill": ("fill_bytes_per_second", "bytes"),
         "large_fill": ("large_fill_bytes_per_second", "bytes"),
         "copy": ("copy_bytes_per_second", "bytes"),
         "arithmetic": ("alu_flops_per_second", "flops"),
     }[result["limit"]]
-    if not limits[key]:
-        return None
-    return result[amount] / (result["wall_min_ms"] * 1e-3) / limits[key]
+    if not limits["all"][key]:
+        return ""
+    clock = result[amount] / (result["wall_min_ms"] * 1e-3) / limits["all"][key]
+    processor = result[amount] / (result["cpu_min_ms"] * 1e-3) / limits["one"][key]
+    return f"{clock:.0%} / {processor:.0%}"
 
 
 def number(value):
@@ -197,8 +202,7 @@ def comparison_table(results, names, limits):
         cpu, best = ratio(measured, "cpu_ms")
         quickest, _ = ratio(measured, "wall_min_ms")
         wall_ratios.append(wall), cpu_ratios.append(cpu), best_ratios.append(quickest)
-        part = share(measured.get("Pumice"), limits)
-        row += [number(wall), number(quickest), number(cpu), best or "-", f"{part:.0%}" if part else ""]
+        row += [number(wall), number(quickest), number(cpu), best or "-", share(measured.get("Pumice"), limits)]
         rows.append(row)
     mean = ["geometric mean"] + [""] * len(names)
     rows.append(mean + [number(geometric_mean(each)) for each in (wall_ratios, best_ratios, cpu_ratios)] + ["", ""])
@@ -388,9 +392,9 @@ def main():
                  + f"Milliseconds a frame, medians of {given.rounds} alternating rounds. `x`: how many times Pumice is faster than the "
                    "best peer of that scene.\n\n"
                  + comparison_table(results, names, limits) + "\n\n" + cold_table(cold, names) + "\n\n"
-                 + "Limits measured just before: "
-                 + ", ".join(f"{key.replace('_per_second', '').replace('_', ' ')} {value / 1e9:.1f} G/s"
-                             for key, value in limits.items() if key != "threads") + ".\n")
+                 + "Limits measured just before, all processors / one: "
+                 + ", ".join(f"{key.replace('_per_second', '').replace('_', ' ')} {value / 1e9:.1f} / {limits['one'][key] / 1e9:.1f} G/s"
+                             for key, value in limits["all"].items() if key != "threads") + ".\n")
     if (given.scaling or given.only_scaling) and not given.only_ablations:
         text += "\n" + scaling(runner, names, given.largest)
     if given.ablations:

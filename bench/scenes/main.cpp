@@ -32,7 +32,8 @@ int usage(int status) {
          "  --png FILE        also write the picture\n"
          "  --hash            also print the hash of the picture\n"
          "  --list            the names of the scenes\n"
-         "  --limits          instead: what memory and arithmetic of this machine reach\n";
+         "  --limits          instead: what memory and arithmetic of this machine reach\n"
+         "  --threads N       with so many threads (default: all processors)\n";
   return status;
 }
 
@@ -78,7 +79,8 @@ int run(int argc, char** argv) {
   Options options;
   long frames = 0, warm = 2;
   double budget = 1;
-  bool wantHash = false;
+  unsigned threads = std::max(1u, std::thread::hardware_concurrency());
+  bool wantHash = false, wantLimits = false;
   for (int i = 1; i < argc; ++i) {
     std::string word = argv[i];
     if (word == "--help" || word == "-h") return usage(0);
@@ -88,8 +90,8 @@ int run(int argc, char** argv) {
       return 0;
     }
     if (word == "--limits") {
-      std::cout << describe(measureLimits(std::max(1u, std::thread::hardware_concurrency()), budget)) << "\n";
-      return 0;
+      wantLimits = true;
+      continue;
     }
     if (word == "--hash") {
       wantHash = true;
@@ -102,12 +104,17 @@ int run(int argc, char** argv) {
     else if (word == "--frames") frames = std::atol(value.c_str());
     else if (word == "--warm") warm = std::atol(value.c_str());
     else if (word == "--seconds") budget = std::atof(value.c_str());
+    else if (word == "--threads") threads = unsigned(std::max(1, std::atoi(value.c_str())));
     else if (word == "--amount") options.amount = std::strtoull(value.c_str(), nullptr, 10);
     else if (word == "--started") started = double(std::strtoull(value.c_str(), nullptr, 10)) * 1e-9;
     else if (word == "--png") png = value;
     else if (word == "--size") {
       if (std::sscanf(value.c_str(), "%ux%u", &options.width, &options.height) != 2) return usage(2);
     } else return usage(2);
+  }
+  if (wantLimits) {
+    std::cout << describe(measureLimits(threads, budget)) << "\n";
+    return 0;
   }
   const SceneEntry* entry = nullptr;
   for (const SceneEntry& each : allScenes())
