@@ -66,6 +66,7 @@ int main(int argc, char** argv) try {
   std::filesystem::create_directories(out);
 
   std::vector<Picture> pictures;
+  std::vector<std::string> names;
   int failed = 0;
   for (const Scene& scene : allScenes()) {
     if (!only.empty() && std::find(only.begin(), only.end(), scene.name) == only.end()) continue;
@@ -79,13 +80,14 @@ int main(int argc, char** argv) try {
       writePng(path, picture);
       std::cout << path << "\n";
       pictures.push_back(std::move(picture));
+      names.push_back(scene.name);
     } catch (const std::exception& error) {
       std::cout << "failed: " << scene.name << ": " << error.what() << "\n";
       ++failed;
     }
   }
   if (!pictures.empty() && only.empty()) {
-    writePng(out + "/contact_sheet.png", contactSheet(pictures, 8, 160));
+    writePng(out + "/contact_sheet.png", contactSheet(pictures, names, 9, 160));
     std::cout << out << "/contact_sheet.png\n";
   }
   for (const std::string& message : instance.takeMessages()) std::cout << message << "\n";

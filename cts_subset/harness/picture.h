@@ -29,7 +29,8 @@ struct Picture {
 // Throws std::runtime_error when the file cannot be written.
 void writePng(const std::string& path, const Picture& picture);
 
-// All pictures on one sheet, in cells of `cell` pixels, row by row.
-Picture contactSheet(const std::vector<Picture>& pictures, uint32_t columns, uint32_t cell);
+// All pictures with their names (small letters, digits and _) on one sheet, in cells of `cell` pixels, row by row.
+Picture contactSheet(const std::vector<Picture>& pictures, const std::vector<std::string>& names, uint32_t columns,
+                     uint32_t cell);
 
 }  // namespace pumice::cts
