@@ -97,6 +97,9 @@ Comparison compare(const Picture& tested, const Picture& peer, const Expectation
                  hasNeighbour(tested, x, y, b, expectation.colourTolerance)) {
         ++result.stepBorder;
         note(2, x, y);
+      } else if (expectation.either && expectation.either(a, b)) {
+        ++result.stepBorder;
+        note(2, x, y);
       } else {
         ++result.wrong;
         note(3, x, y);

@@ -12,6 +12,7 @@
 #include <glm/glm.hpp>
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -27,6 +28,8 @@ struct Expectation {
   bool onGrid = true;       // every vertex lies exactly on the 1/256 grid
   std::vector<Edge> edges;  // what decides coverage, where onGrid is false
   bool stepFunctions = false;
+  // Two values of which either is right at some pixels, counted with the borders of texels.
+  std::function<bool(const uint8_t* tested, const uint8_t* peer)> either;
   int colourTolerance = 1;    // in 1/255
   double depthTolerance = 0;  // for Picture::depth
   double edgeShare = 0.0005;  // of all pixels

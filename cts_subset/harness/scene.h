@@ -14,11 +14,19 @@ namespace pumice::cts {
 // broken picture with a good one must fail; that shows that the scene can fail.
 enum class Variant { kGood, kBroken };
 
+// How far the default's picture may be from the oracle's (PUMICE_NUMERICS=reference, which computes in double).
+struct OracleBound {
+  int units = 1;                  // of the format: pixels within that are near
+  double share = 0.001;           // of all pixels may be beyond
+  const char* cause = nullptr;    // must be given where the bound is looser than this
+};
+
 struct Scene {
   std::string name;
   std::string broken;  // what the broken variant does wrong
   std::function<Picture(Device&, Variant)> render;
   std::function<Expectation()> expectation = [] { return Expectation{}; };
+  OracleBound oracle = {};
   // False when the device does not report a format or feature that the scene needs.
   std::function<bool(const Device&)> supported = [](const Device&) { return true; };
   // A truth about the good picture alone; returns what is wrong, or nothing.
@@ -42,5 +50,9 @@ void addOutputScenes(SceneList& scenes);
 void addSampleRateScenes(SceneList& scenes);
 void addPassScenes(SceneList& scenes);
 void addTechniqueScenes(SceneList& scenes);
+void addDepthPrecisionScenes(SceneList& scenes);
+void addTransparencyScenes(SceneList& scenes);
+void addGeometryScenes(SceneList& scenes);
+void addAntialiasingScenes(SceneList& scenes);
 
 }  // namespace pumice::cts

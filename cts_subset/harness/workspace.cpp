@@ -139,7 +139,7 @@ DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
   std::vector<VkDescriptorPoolSize> sizes;
   for (uint32_t i = 0; i < bindings.size(); ++i) {
     VkShaderStageFlags stages = VK_SHADER_STAGE_FRAGMENT_BIT;
-    if (bindings[i].type != VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT) stages |= VK_SHADER_STAGE_VERTEX_BIT;
+    if (bindings[i].type != VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT) stages |= VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
     layout.push_back(
         {i, bindings[i].type, 1, stages, nullptr});
     sizes.push_back({bindings[i].type, 1});
@@ -180,6 +180,27 @@ DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
     writes.push_back(write);
   }
   vkUpdateDescriptorSets(d, uint32_t(writes.size()), writes.data(), 0, nullptr);
+  return made;
+}
+
+Pipeline Workspace::compute(const std::string& glsl, const std::vector<VkDescriptorSetLayout>& sets) {
+  VkDevice d = device.handle;
+  Pipeline made;
+  VkPipelineLayoutCreateInfo layoutInfo{};
+  layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
+  layoutInfo.setLayoutCount = uint32_t(sets.size());
+  layoutInfo.pSetLayouts = sets.data();
+  check(vkCreatePipelineLayout(d, &layoutInfo, nullptr, &made.layout), "vkCreatePipelineLayout");
+  onDestroy([d, l = made.layout] { vkDestroyPipelineLayout(d, l, nullptr); });
+  VkComputePipelineCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
+  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
+  info.stage.module = shader(VK_SHADER_STAGE_COMPUTE_BIT, glsl);
+  info.stage.pName = "main";
+  info.layout = made.layout;
+  check(vkCreateComputePipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &made.handle), "vkCreateComputePipelines");
+  onDestroy([d, p = made.handle] { vkDestroyPipeline(d, p, nullptr); });
   return made;
 }
 

@@ -75,7 +75,8 @@ class Workspace {
   VkShaderModule shader(VkShaderStageFlagBits stage, const std::string& glsl,
                         ShaderTarget target = ShaderTarget::kVulkan10);
   VkShaderModule shader(const std::vector<uint32_t>& words);
-  // Bindings 0, 1, ... of one set, visible to vertex and fragment shaders.
+  Pipeline compute(const std::string& glsl, const std::vector<VkDescriptorSetLayout>& sets);
+  // Bindings 0, 1, ... of one set, visible to vertex, fragment and compute shaders.
   DescriptorSet descriptors(const std::vector<Binding>& bindings);
   // An RGBA8 image ready to be sampled.
   Image texture(uint32_t width, uint32_t height, const std::vector<uint8_t>& rgba,

@@ -386,6 +386,7 @@ void addFilteringScenes(SceneList& scenes) {
   compressed.name = "block_compressed";
   compressed.broken = "some bits of one block";
   compressed.render = renderCompressed;
+  compressed.oracle.share = 0;
   compressed.expectation = [] {
     Expectation e;
     e.colourTolerance = 3;  // lavapipe interpolates endpoints rounded to bytes, with 8-bit weights of the filter

@@ -237,7 +237,9 @@ void addSampleRateScenes(SceneList& scenes) {
     e.colourTolerance = 64;   // one sample: how alpha becomes a mask is the driver's choice
     return e;
   };
-  add("centroid", "interpolation at the pixel's centre", renderCentroid, false).verify = verifyCentroid;
+  Scene& centroid = add("centroid", "interpolation at the pixel's centre", renderCentroid, false);
+  centroid.verify = verifyCentroid;
+  centroid.oracle.share = 0;
 }
 
 }  // namespace pumice::cts

@@ -19,6 +19,10 @@ const std::vector<Scene>& allScenes() {
     addSampleRateScenes(scenes);
     addPassScenes(scenes);
     addTechniqueScenes(scenes);
+    addDepthPrecisionScenes(scenes);
+    addTransparencyScenes(scenes);
+    addGeometryScenes(scenes);
+    addAntialiasingScenes(scenes);
     return scenes;
   }();
   return kScenes;

@@ -217,6 +217,7 @@ void addTextureScenes(SceneList& scenes) {
     Scene exact;
     exact.name = std::string("texels_") + entry.name;
     exact.broken = "one bit of one texel";
+    exact.oracle.share = 0;
     exact.render = [format = entry.format](Device& device, Variant variant) {
       return renderTexelExact(device, variant, format);
     };
