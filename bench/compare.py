@@ -214,10 +214,11 @@ def cold_table(results, names):
     rows = []
     for scene, measured in results.items():
         row = [scene]
-        for key in ("first_frame_ms", "peak_mib"):
-            row += [number(measured[name][key]) if measured.get(name) else "-" for name in names]
+        row += [f"{number(measured[name]['first_frame_ms'])} / {number(measured[name]['first_frame_cpu_ms'])}" if measured.get(name) else "-"
+                for name in names]
+        row += [number(measured[name]["peak_mib"]) if measured.get(name) else "-" for name in names]
         rows.append(row)
-    header = ["scene"] + [f"{name}, first frame ms" for name in names] + [f"{name}, peak MiB" for name in names]
+    header = ["scene"] + [f"{name}, first frame, ms clock / processor" for name in names] + [f"{name}, peak MiB" for name in names]
     return markdown_table(header, rows)
 
 
