@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <string>
 
@@ -18,6 +19,13 @@ int usage(int status) {
          "  --scene NAME   only this scene; may be given several times\n"
          "  --list         the names of the scenes\n";
   return status;
+}
+
+// FNV-1a over the pixels.
+uint64_t hashOf(const Picture& picture) {
+  uint64_t hash = 14695981039346656037ull;
+  for (uint8_t byte : picture.rgba) hash = (hash ^ byte) * 1099511628211ull;
+  return hash;
 }
 
 }  // namespace
@@ -67,6 +75,7 @@ int main(int argc, char** argv) try {
 
   std::vector<Picture> pictures;
   std::vector<std::string> names;
+  std::ofstream hashes(out + "/hashes.txt");
   int failed = 0;
   for (const Scene& scene : allScenes()) {
     if (!only.empty() && std::find(only.begin(), only.end(), scene.name) == only.end()) continue;
@@ -79,6 +88,7 @@ int main(int argc, char** argv) try {
       std::string path = out + "/" + scene.name + ".png";
       writePng(path, picture);
       std::cout << path << "\n";
+      hashes << scene.name << " " << std::hex << hashOf(picture) << std::dec << "\n";
       pictures.push_back(std::move(picture));
       names.push_back(scene.name);
     } catch (const std::exception& error) {
