@@ -93,11 +93,16 @@ void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint
     done += more;
   }
 #if defined(__SSE2__)
-  if (store == Store::kStream && std::has_single_bit(elementBytes) && elementBytes <= 16 && bytes >= 64 && reinterpret_cast<uintptr_t>(out) % 16 == 0) {
+  if (bytes >= 64 && std::has_single_bit(elementBytes) && elementBytes <= 16) {
     const __m128i all = _mm_load_si128(reinterpret_cast<const __m128i*>(pattern));
-    for (; bytes >= 64; bytes -= 64, out += 64)
-      for (int i = 0; i < 4; ++i) _mm_stream_si128(reinterpret_cast<__m128i*>(out) + i, all);
-    _mm_sfence();
+    if (store == Store::kStream && reinterpret_cast<uintptr_t>(out) % 16 == 0) {
+      for (; bytes >= 64; bytes -= 64, out += 64)
+        for (int i = 0; i < 4; ++i) _mm_stream_si128(reinterpret_cast<__m128i*>(out) + i, all);
+      _mm_sfence();
+    } else {
+      for (; bytes >= 64; bytes -= 64, out += 64)
+        for (int i = 0; i < 4; ++i) _mm_storeu_si128(reinterpret_cast<__m128i*>(out) + i, all);
+    }
   }
 #endif
   for (; bytes >= unit; bytes -= unit, out += unit) std::memcpy(out, pattern, unit);
