@@ -1,6 +1,7 @@
 // Device memory, buffers, buffer views and their requirements.
 #include <sys/mman.h>
 
+#include "base/address_ranges.h"
 #include "base/log.h"
 #include "entrypoints.h"
 #include "icd/resources.h"
@@ -17,7 +18,11 @@ void fillDedicated(void* chain) {
 
 namespace {
 
-void bindBuffer(VkBuffer buffer, VkDeviceMemory memory, VkDeviceSize offset) { from(buffer)->data = from(memory)->data + offset; }
+void bindBuffer(VkBuffer handle, VkDeviceMemory memory, VkDeviceSize offset) {
+  Buffer& buffer = *from(handle);
+  buffer.data = from(memory)->data + offset;
+  if (buffer.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) base::addressRanges().add(reinterpret_cast<uint64_t>(buffer.data), buffer.size);
+}
 
 VkMemoryRequirements bufferRequirements(uint64_t size) { return {(size + 63) & ~uint64_t(63), 64, kMemoryTypeBits}; }
 
@@ -80,6 +85,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateBuffer(VkDevice handle, const VkBufferCre
 }
 
 VKAPI_ATTR void VKAPI_CALL vkDestroyBuffer(VkDevice handle, VkBuffer buffer, const VkAllocationCallbacks* callbacks) {
+  if (const Buffer* b = from(buffer); b && b->data && (b->usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT))
+    base::addressRanges().remove(reinterpret_cast<uint64_t>(b->data), b->size);
   from(handle)->destroy(callbacks, from(buffer));
 }
 

@@ -38,7 +38,8 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
 base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
 
 //! A vertex attribute as the shader sees it: four components of the location's format, f32 or (integer formats) i32.
-texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location);
+//! `checked`: PUMICE_CHECK looks whether the buffer holds it.
+texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location, bool checked = false);
 
 //! Depth bounds, stencil and depth test of one sample, in this order, with their writes. `live` (0 = all active lanes) are the
 //! lanes to test; gives the lanes that pass (0 = all active). `depth` is f32, already clamped.

@@ -1,8 +1,10 @@
 // Vertex fetch, vertex shader, and the rows that clipping and setup read.
 #include <cstdio>
+#include <set>
 
 #include "base/log.h"
 #include "pipeline/builders.h"
+#include "spirv_interp/ir/checks.h"
 
 namespace pumice::pipeline {
 
@@ -28,7 +30,8 @@ class VertexExpander : public StageExpander {
 
   Value shaderInput(ir::Builder& b, Type type, uint32_t variable, uint32_t component, std::span<const Value>) override {
     const Place p = place(shader_.inputs[variable], component);
-    const texture::Texel texel = fetchAttribute(b, pipeline_.state, p.location);
+    const bool checked = checks_ && checked_.insert(p.location).second;   // once for all components
+    const texture::Texel texel = fetchAttribute(b, pipeline_.state, p.location, checked);
     return toType(b, type, texel[p.component & 3]);
   }
 
@@ -64,12 +67,14 @@ class VertexExpander : public StageExpander {
 
  private:
   const GraphicsPipeline& pipeline_;
+  const bool checks_ = ir::wantedChecks() & ir::kCheckBounds;
+  std::set<uint32_t> checked_;
   std::vector<Value> rows_;
 };
 
 }  // namespace
 
-texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location) {
+texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location, bool checked) {
   const VkVertexInputAttributeDescription* attribute = nullptr;
   for (const auto& a : state.vertexAttributes)
     if (a.location == location) attribute = &a;
@@ -94,6 +99,10 @@ texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32
       }
   const Value index = b.convert(ir::Op::ZExt, Type::I64, number);
   const Value offset = b.iadd(b.imul(index, b.i64(binding->stride)), b.i64(attribute->offset));
+  if (checked) {
+    const Value operands[] = {b.mask(true), offset, b.i32(format->elementBytes), size};
+    b.emit(ir::Op::Check, Type::None, operands, ir::checkImm({ir::CheckKind::Vertex, ir::Op::LoadConst, Type::None, location}));
+  }
   if (!state.wholeAttributes) return texture::loadTexel(b, *format, base, offset, size, true);
   const Value inside = b.ule(b.iadd(offset, b.i64(format->elementBytes)), size);
   return texture::loadTexel(b, *format, base, offset, b.select(inside, size, b.i64(0)), true);

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "base/address_ranges.h"
 #include "base/log.h"
 #include "spirv_interp/interpreter/memory.h"
 #include "spirv_interp/ir/fold.h"
@@ -50,6 +51,26 @@ std::string outside(const CheckSite& site, uint64_t offset, uint64_t size, const
   return text;
 }
 
+std::string wildAddress(const CheckSite& site, uint64_t address) {
+  const unsigned bytes = ir::typeBytes(site.place.type);
+  const base::AddressRanges::Place place = base::addressRanges().find(address);
+  if (place.known && address - place.begin <= place.size && bytes <= place.size - (address - place.begin)) return {};
+  char text[220];
+  int n = std::snprintf(text, sizeof text, "bounds: %s of %u bytes at address 0x%" PRIx64 ", where no buffer is", access(site.place.op), bytes, address);
+  if (place.known)
+    std::snprintf(text + n, sizeof text - size_t(n), " (%" PRIu64 " bytes behind the start of a buffer of %" PRIu64 " bytes)", address - place.begin, place.size);
+  return text;
+}
+
+std::string texel(const CheckSite& site, uint32_t at, uint32_t count) {
+  static constexpr const char* kAxes[] = {"x", "y", "z", "layer", "level", "sample"};
+  const auto kind = ir::ImageKind(site.place.constant & 0xff);
+  const char* what = kind == ir::ImageKind::Fetch ? "fetch of a texel" : kind == ir::ImageKind::Read ? "load of a texel" : kind == ir::ImageKind::Write ? "store of a texel" : "atomic on a texel";
+  char text[120];
+  std::snprintf(text, sizeof text, "bounds: %s at %s %d of %u", what, kAxes[site.place.constant >> 8], int32_t(at), count);
+  return text;
+}
+
 //! What is wrong with a lane; empty: nothing.
 std::string problem(const RunState& s, const Code* c, const CheckSite& site, uint32_t lane) {
   const auto value = [&](unsigned k) { return operand(s, c, site, k, lane); };
@@ -71,6 +92,15 @@ std::string problem(const RunState& s, const Code* c, const CheckSite& site, uin
       }
       return text + ") = " + number(site.types[1], value(1));
     }
+    case CheckKind::Texel: return value(1) < value(2) ? std::string() : texel(site, uint32_t(value(1)), uint32_t(value(2)));
+    case CheckKind::Vertex: {
+      if (inside(value(1), 0, value(2), value(3), at)) return {};
+      char text[160];
+      std::snprintf(text, sizeof text, "bounds: fetch of %u bytes for location %u at byte %" PRIu64 " of a vertex buffer of %" PRIu64 " bytes", unsigned(value(2)),
+                    site.place.constant, value(1), value(3));
+      return text;
+    }
+    case CheckKind::Address: return wildAddress(site, value(1) + value(2) + site.place.constant);
     case CheckKind::Written:
       return value(1) ? std::string() : "uninit: read of a variable that has not been written";
   }

@@ -64,7 +64,12 @@ class Inserter {
       case Op::LoadConst:
       case Op::Store:
       case Op::Atomic:
-      case Op::AtomicCas: return check({CheckKind::Buffer, i.op, type, uint32_t(i.imm)}, {o[0], o[1], o[2]});
+      case Op::AtomicCas:
+        // A buffer without end is an address of the application's.
+        if (out_.insts[o[2]].op == Op::Const && out_.insts[o[2]].imm == ~uint64_t(0))
+          return check({CheckKind::Address, i.op, type, uint32_t(i.imm)}, {o[0], o[1]});
+        return check({CheckKind::Buffer, i.op, type, uint32_t(i.imm)}, {o[0], o[1], o[2]});
+      case Op::ImageOp: return texel(i, o);
       case Op::SharedLoad:
       case Op::SharedStore:
       case Op::SharedAtomic:
@@ -73,6 +78,52 @@ class Inserter {
       case Op::LocalStore: return check({CheckKind::Local, i.op, type, uint32_t(i.imm)}, {o[1], b_.i32(uint32_t(out_.insts[o[0]].imm))});
       default: return;
     }
+  }
+
+  // One check for each coordinate of a texel that is named by whole numbers, and for its level and sample.
+  void texel(const Inst& i, std::span<const Value> o) {
+    const ImageOpInfo info = in_.imageOps[i.imm];
+    const bool named = info.kind == ImageKind::Fetch || info.kind == ImageKind::Read || info.kind == ImageKind::Write || info.kind == ImageKind::Atomic;
+    if (!named || info.dim == ImageDim::SubpassData) return;
+    const bool cube = info.dim == ImageDim::Cube;   // written through faces, which count as layers
+    const unsigned dimensions = imageDimensions(info.dim);
+    size_t next = 2 + dimensions + info.arrayed;
+    next += bool(info.operands & kImageDref) + bool(info.operands & kImageBias);
+    const Value level = info.operands & kImageLod ? o[next++] : 0;
+    if (info.operands & kImageGrad) next += 2 * dimensions;
+    const size_t offsets = next;
+    if (info.operands & kImageOffset) next += dimensions;
+    const Value sample = info.operands & kImageSample ? o[next] : 0;
+
+    const auto query = [&](ImageKind kind) {
+      ImageOpInfo q = info;
+      q.kind = kind;
+      q.compareExchange = false;
+      q.operands = kind == ImageKind::QuerySize && level ? kImageLod : 0;
+      std::vector<Value> operands{o[0], o[1]};
+      if (q.operands) operands.push_back(level);
+      const uint64_t index = out_.imageOps.size();
+      out_.imageOps.push_back(q);
+      b_.setInstFlags(i.flags & kInstNonUniform);
+      const Value tuple = b_.emit(Op::ImageOp, Type::Tuple, operands, index);
+      b_.setInstFlags(0);
+      return tuple;
+    };
+    Value lanes = counts();
+    const auto require = [&](TexelAxis axis, Value at, Value tuple, unsigned component) {
+      const Value size = b_.emit(Op::TupleGet, Type::I32, {tuple}, component);
+      const Value operands[] = {lanes, at, size};
+      b_.emit(Op::Check, Type::None, operands, checkImm({CheckKind::Texel, i.op, Type::None, uint32_t(info.kind) | uint32_t(axis) << 8}));
+      lanes = b_.maskAnd(lanes, b_.ult(at, size));   // what is wrong once is not looked at again
+    };
+    if (level) require(TexelAxis::Level, level, query(ImageKind::QueryLevels), 0);
+    const Value size = query(ImageKind::QuerySize);
+    for (unsigned k = 0; k < (cube ? 2 : dimensions); k++) {
+      const Value at = info.operands & kImageOffset ? b_.iadd(o[2 + k], o[offsets + k]) : o[2 + k];
+      require(TexelAxis(k), at, size, k);
+    }
+    if (info.arrayed && !cube) require(TexelAxis::Layer, o[2 + dimensions], size, dimensions);
+    if (sample) require(TexelAxis::Sample, sample, query(ImageKind::QuerySamples), 0);
   }
 
   void finite(const Inst& i, Value result, std::span<const Value> o) {

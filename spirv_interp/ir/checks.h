@@ -9,7 +9,7 @@
 namespace pumice::ir {
 
 enum Checks : unsigned {
-  kCheckBounds = 1,   //!< accesses outside of buffers, work-group memory and private arrays
+  kCheckBounds = 1,   //!< accesses outside of buffers, images, work-group memory and private arrays, and by addresses of nothing
   kCheckNan = 2,      //!< operations that make NaN or infinity of finite operands
   kCheckUninit = 4,   //!< reads of variables that nobody has written
 };
@@ -23,7 +23,11 @@ enum class CheckKind : uint8_t {
   Local,     //!< offset, size: private arrays, work-group memory
   Finite,    //!< result, operands
   Written,   //!< mask: has been written
+  Texel,     //!< coordinate, how many there are; `constant`: ImageKind | TexelAxis << 8
+  Vertex,    //!< offset, bytes, size of the vertex buffer; `constant`: location
+  Address,   //!< base, offset: buffer device addresses (base/address_ranges.h)
 };
+enum class TexelAxis : uint8_t { X, Y, Z, Layer, Level, Sample };
 struct CheckPlace {
   CheckKind kind = CheckKind::Buffer;
   Op op = Op::Nop;            //!< what is watched
