@@ -1,12 +1,14 @@
 // A render pass: draws are collected (draw.cpp), then tiles are finished (tile.cpp).
 #include <algorithm>
 #include <cstdio>
+#include <mutex>
 
 #include "base/env.h"
 #include "base/fpenv.h"
 #include "base/log.h"
 #include "pipeline/front.h"
 #include "pipeline/tile.h"
+#include "spirv_interp/jit/jit.h"
 
 namespace pumice::pipeline {
 
@@ -214,7 +216,23 @@ void PassExecutor::Impl::end() {
   if (stats) printCounters();
 }
 
+namespace {
+//! Routines compiled since the last time, all queues together.
+void printCompiled() {
+  static std::mutex mutex;
+  static jit::Statistics before;
+  std::lock_guard lock(mutex);
+  const jit::Statistics now = jit::statistics();
+  if (const uint64_t made = now.emitted - before.emitted, left = now.refused - before.refused; made || left)
+    std::fprintf(stderr, "pumice: stats: %llu routines emitted (%llu operations, %llu by call), %llu left to the interpreter\n", static_cast<unsigned long long>(made),
+                 static_cast<unsigned long long>(now.operations - before.operations), static_cast<unsigned long long>(now.callOuts - before.callOuts),
+                 static_cast<unsigned long long>(left));
+  before = now;
+}
+}  // namespace
+
 void PassExecutor::Impl::printCounters() const {
+  printCompiled();
   const PassCounters& c = counters;
   const auto n = [](uint64_t v) { return static_cast<unsigned long long>(v); };
   std::fprintf(stderr,

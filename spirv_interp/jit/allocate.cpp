@@ -42,6 +42,8 @@ class Allocator {
   struct Holder {
     uint32_t vreg = kNone;
     uint32_t part = 0;
+    uint32_t start = 0;
+    float weight = 0;
   };
 
   void place(uint32_t id, uint32_t at) {
@@ -67,7 +69,7 @@ class Allocator {
         int lightest = -1;
         float weight = v.weight;
         for (uint32_t r = 0; r < kAllocatable; r++) {
-          const Vreg& h = p_.vregs[held_[r].vreg];
+          const Holder& h = held_[r];
           if (h.weight < weight && (h.start != at || at == 0)) {
             weight = h.weight;
             lightest = int(r);
@@ -78,7 +80,7 @@ class Allocator {
         reg = lightest;
       }
       free_ &= ~(1u << reg);
-      held_[reg] = {id, part};
+      held_[reg] = {id, part, v.start, v.weight};
       v.reg[part] = int8_t(reg);
     }
   }

@@ -383,8 +383,8 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
 void Emitter::findSharedRanges() {
   for (Value v = 1; v < f_.insts.size(); v++) {
     const Inst& i = f_.insts[v];
-    if (!p_.a.needed[v] || (i.op != Op::SharedLoad && i.op != Op::SharedStore)) continue;
-    const bool store = i.op == Op::SharedStore;
+    if (!p_.a.needed[v] || (i.op != Op::SharedLoad && i.op != Op::SharedStore && i.op != Op::SharedAtomic)) continue;
+    const bool store = i.op != Op::SharedLoad;
     const SharedRange r{uint32_t(i.imm), ir::typeBytes(store ? f_.type(f_.operands(v)[1]) : i.type), store};
     if (std::none_of(sharedRanges_.begin(), sharedRanges_.end(),
                      [&](const SharedRange& k) { return k.constant == r.constant && k.bytes == r.bytes && k.store == r.store; }))
@@ -427,6 +427,12 @@ x86::Mem Emitter::sharedRange(uint32_t constant, uint32_t bytes, bool store) {
   const x86::Mem range = frameMem(place);
   a_.mov(x86::rsi, at(range, kRangeBase));
   if (!store) a_.mov(x86::rdi, at(range, kRangeBiased));
+  return range;
+}
+
+x86::Mem Emitter::bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store) {
+  const x86::Mem range = bankMem(rangeSlot(base, size, 0, constant, bytes, store));
+  a_.mov(x86::rsi, at(range, kRangeBase));
   return range;
 }
 
@@ -479,7 +485,7 @@ bool Emitter::memory(Value v) {
     }
     case Op::Store: {
       if (preamble_ || !isUniform(o[0]) || !isUniform(o[2]) || f_.type(o[1]) != Type::I32) return false;
-      const x86::Mem limit = useRange(rangeSlot(o[0], o[2], 0, constant, ir::typeBytes(f_.type(o[3])), true));
+      const x86::Mem limit = bufferRange(o[0], o[2], constant, ir::typeBytes(f_.type(o[3])), true);
       storeRange(v, o[1], o[3], x86::rsi, limit);
       return true;
     }
@@ -491,6 +497,8 @@ bool Emitter::memory(Value v) {
       if (preamble_) return false;
       storeRange(v, o[0], o[1], x86::rsi, sharedRange(constant, ir::typeBytes(f_.type(o[1])), true));
       return true;
+    case Op::Atomic:
+    case Op::SharedAtomic: return !preamble_ && atomic(v);
     case Op::LocalLoad:
     case Op::LocalStore:
       if (preamble_) return false;

@@ -135,6 +135,8 @@ class Emitter {
   void broadcast(Ymm d, const x86::Gp& address, Type t);
   void loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit);
   void loadAddresses(Value v);    // emit_gather.cpp
+  bool atomic(Value v);           // emit_atomic.cpp
+  x86::Mem bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store);   //!< rsi: base
   void storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit);
   struct SharedRange {
     uint32_t constant = 0, bytes = 0;

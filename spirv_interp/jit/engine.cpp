@@ -20,6 +20,7 @@ bool wantsNative() {
 
 struct Settings {
   bool native = wantsNative(), dumpIr = false, dumpCode = false;
+  const bool asked = base::envString(base::EnvVar::Engine).value_or("") == "jit";
   Settings() {
     const std::string dump = base::envString(base::EnvVar::Dump).value_or("");
     dumpIr = dump == "ir" || dump == "ir,asm" || dump == "asm,ir";
@@ -42,7 +43,7 @@ interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Fun
     auto native = compile(f, options, jit);
     if (!listing.empty()) std::fprintf(stderr, "; %s\n%s", f.name.c_str(), listing.c_str());
     if (native) return native;
-    base::logInfo("left to the interpreter: %s", native.error().message.c_str());
+    (settings.asked ? base::logError : base::logInfo)("left to the interpreter: %s", native.error().message.c_str());
   }
   return interp::compileInterpreter(f, options);
 }

@@ -1,0 +1,126 @@
+// Loads and atomics in every form that has code of its own, over memory that ends where the process's does: the
+// interpreter's bits, and not a byte read beyond.
+#include <sys/mman.h>
+
+#include "spirv_interp/jit/jit.h"
+#include "tests/interpreter/fixture.h"
+
+namespace pumice::interp {
+namespace {
+
+//! Bytes with inaccessible memory behind them.
+class Fenced {
+ public:
+  static constexpr size_t kPage = 4096;
+  explicit Fenced(size_t size) : size_(size) {
+    pages_ = static_cast<std::byte*>(mmap(nullptr, 2 * kPage, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+    mprotect(pages_ + kPage, kPage, PROT_NONE);
+    fill();
+  }
+  ~Fenced() { munmap(pages_, 2 * kPage); }
+  Fenced(const Fenced&) = delete;
+  Fenced& operator=(const Fenced&) = delete;
+  void fill() {
+    Random random(size_);
+    for (size_t k = 0; k < size_; k++) data()[k] = std::byte(random.below(256));
+  }
+  std::byte* data() const { return pages_ + kPage - size_; }
+  std::vector<std::byte> contents() const { return {data(), data() + size_}; }
+
+ private:
+  size_t size_;
+  std::byte* pages_;
+};
+
+//! Inputs: 0 i64 bases (some null), 1 i32 offsets, 2 i64 sizes, 3 i64 offsets, 4 i32 data; draw constants: i64 base, i64 size.
+void agrees(const std::string& text, size_t bytes) {
+  if (!jit::available()) GTEST_SKIP();
+  const Function f = parsed(R"(
+    %base = input i64 0
+    %off = input i32 1
+    %size = input i64 2
+    %off64 = input i64 3
+    %data = input i32 4
+    %ubase = uniform i64 0
+    %usize = uniform i64 8
+    %zero = const i32 0
+    %some = slt mask %data, %zero
+  )" + text);
+  Fenced memory(bytes);
+  struct { uint64_t base, size; } constants{reinterpret_cast<uintptr_t>(memory.data()), bytes};
+  for (uint32_t lanes : {3u, 40u, 128u})
+    for (uint32_t far : {0u, 20u}) {
+      RowRun start(5, 4);
+      start.lanes = lanes;
+      start.active[0] = 0xfff7'ffff'ffff'ffdf;
+      Random random(lanes + far);
+      for (unsigned lane = 0; lane < kMaxLanes; lane++) {
+        const bool inactive = lane < 64 && !(start.active[0] >> lane & 1);
+        const uint64_t skip = random.below(uint32_t(bytes) + 1);
+        start.inputs[0].set(Type::I64, lane, inactive ? 0xdead'beef'0000'0000 : random.chance(10) ? 0 : constants.base + skip);
+        start.inputs[1].set(Type::I32, lane, random.chance(far) ? 0xffff'fff0u + random.below(16) : random.below(uint32_t(bytes) + 2));
+        start.inputs[2].set(Type::I64, lane, inactive ? ~uint64_t(0) : random.chance(10) ? 0 : bytes - skip);
+        start.inputs[3].set(Type::I64, lane, random.chance(far) ? 0 - uint64_t(random.below(20)) : random.below(uint32_t(bytes) + 2));
+        start.inputs[4].set(Type::I32, lane, uint32_t(random.next()));
+      }
+      start.tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&constants), sizeof constants};
+      memory.fill();
+      RowRun want = start;
+      want(f);
+      const std::vector<std::byte> written = memory.contents();
+      for (uint32_t width : {8u, 16u, 32u}) {
+        std::string listing;
+        auto e = jit::compile(f, {}, {.chunkLanes = width, .listing = &listing});
+        ASSERT_TRUE(e) << e.error().message;
+        memory.fill();
+        RowRun run = start;
+        run.execute(**e);
+        for (unsigned k = 0; k < 4; k++)
+          ASSERT_EQ(std::memcmp(run.outputs[k].bytes, want.outputs[k].bytes, kMaxLanes * 8), 0)
+              << "output " << k << ", " << bytes << " bytes, " << lanes << " lanes in chunks of " << width << "\n" << text << listing;
+        ASSERT_TRUE(memory.contents() == written) << bytes << " bytes, " << lanes << " lanes in chunks of " << width << "\n" << text << listing;
+      }
+    }
+}
+
+TEST(JitMemory, loadsOfEveryWidthFromEverySortOfAddress) {
+  for (const char* t : {"i8", "i16", "i32", "f32", "i64", "f64"})
+    for (const char* constant : {"", "+3", "+40"})
+      for (size_t bytes : {1u, 7u, 8u, 100u, 4096u}) {
+        const std::string load = "load " + std::string(t) + " " + constant;
+        agrees("%a = " + load + " %base, %off, %size\noutput 0 %a\n%b = " + load + " %base, %off64, %size\noutput 1 %b\n" +
+                   "%c = " + load + " %ubase, %off, %usize\noutput 2 %c\n%d = " + load + " %ubase, %off64, %usize\noutput 3 %d\n",
+               bytes);
+        if (testing::Test::HasFailure()) return;
+      }
+}
+
+TEST(JitMemory, loadsOfSomeLanesOnly) {
+  agrees(R"(
+    if %some
+      %a = load i32 +4 %base, %off, %size
+      output 0 %a
+      %b = load.const f32 %base, %off, %size
+      output 1 %b
+    else
+      %c = load i16 %base, %off64, %size
+      output 2 %c
+      %d = load.const i64 %base, %off64, %size
+      output 3 %d
+    endif
+  )", 100);
+}
+
+// One atomic a program: a chunk of lanes runs all of a routine before the next chunk starts.
+TEST(JitMemory, atomicsInLaneOrder) {
+  for (const char* operation : {"add", "smin", "smax", "umin", "umax", "and", "or", "xor", "xchg", "ld", "st"})
+    for (size_t bytes : {3u, 4u, 11u, 64u}) {
+      agrees("%word = const i32 60\n%at = and i32 %off, %word\n%r = atomic i32 " + std::string(operation) + " %ubase, %at, %usize, %data\noutput 0 %r\n", bytes);
+      agrees("if %some\n%q = atomic i32 " + std::string(operation) + "+8 %ubase, %zero, %usize, %data\noutput 1 %q\nendif\n", bytes);
+      if (testing::Test::HasFailure()) return;
+    }
+  agrees("%f = utof f32 %data\n%r = atomic f32 fadd %ubase, %zero, %usize, %f\noutput 0 %r\n", 8);
+}
+
+}  // namespace
+}  // namespace pumice::interp
