@@ -1,5 +1,6 @@
 #include "icd/extended_state.h"
 
+#include <cstddef>
 #include <cstring>
 
 #include "base/fpenv.h"
@@ -28,6 +29,7 @@ constexpr StateBit kBits[] = {
     {VK_DYNAMIC_STATE_RASTERIZER_DISCARD_ENABLE, kDynamicRasterizerDiscard},
     {VK_DYNAMIC_STATE_DEPTH_BIAS_ENABLE, kDynamicDepthBias},
     {VK_DYNAMIC_STATE_PRIMITIVE_RESTART_ENABLE, kDynamicPrimitiveRestart},
+    {VK_DYNAMIC_STATE_VERTEX_INPUT_EXT, kDynamicVertexInput},
 };
 
 void setOps(VkStencilOpState& to, const VkStencilOpState& from) {
@@ -37,7 +39,20 @@ void setOps(VkStencilOpState& to, const VkStencilOpState& from) {
   to.compareOp = from.compareOp;
 }
 
+void applyVertexInput(pipeline::GraphicsState& s, const ExtendedState& v) {
+  const auto& input = v.vertexInput;
+  s.vertexBindings.clear();
+  s.divisors.clear();
+  for (uint32_t i = 0; i < input.bindingCount; i++) {
+    const auto& b = input.bindings[i];
+    s.vertexBindings.push_back({b.binding, v.strides[b.binding], VkVertexInputRate(b.inputRate)});
+    if (b.inputRate == VK_VERTEX_INPUT_RATE_INSTANCE && b.divisor != 1) s.divisors.push_back({b.binding, b.divisor});
+  }
+  s.vertexAttributes.assign(input.attributes, input.attributes + input.attributeCount);
+}
+
 void apply(pipeline::GraphicsState& s, uint32_t mask, const ExtendedState& v) {
+  if (mask & kDynamicVertexInput) applyVertexInput(s, v);
   if (mask & kDynamicCullMode) s.cullMode = v.cullMode;
   if (mask & kDynamicFrontFace) s.frontFace = VkFrontFace(v.frontFace);
   if (mask & kDynamicTopology) s.topology = VkPrimitiveTopology(v.topology);
@@ -71,11 +86,8 @@ uint32_t extendedBit(VkDynamicState state) {
   return 0;
 }
 
-std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const ExtendedState& values) {
-  base::ScopedFpEnv environment;
-  pipeline::GraphicsState state = state_;
-  apply(state, mask_, values);
-  // The key is what differs: the values that this pipeline leaves dynamic.
+// What differs: the values that this pipeline leaves dynamic.
+std::string PipelineFamily::keyOf(const ExtendedState& values) const {
   ExtendedState relevant;
   auto take = [&](uint32_t bit, uint32_t& to, uint32_t from) { to = mask_ & bit ? from : 0; };
   take(kDynamicCullMode, relevant.cullMode, values.cullMode);
@@ -90,13 +102,29 @@ std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const Extende
   take(kDynamicDepthBias, relevant.depthBias, values.depthBias);
   take(kDynamicPrimitiveRestart, relevant.primitiveRestart, values.primitiveRestart);
   if (mask_ & kDynamicStencilOp) std::memcpy(relevant.stencil, values.stencil, sizeof relevant.stencil);
-  if (mask_ & kDynamicStride)
+  const auto& input = values.vertexInput;
+  if (mask_ & kDynamicVertexInput)
+    for (uint32_t i = 0; i < input.bindingCount; i++) relevant.strides[input.bindings[i].binding] = values.strides[input.bindings[i].binding];
+  else if (mask_ & kDynamicStride)
     for (auto& b : state_.vertexBindings)
       if (b.binding < pipeline::kMaxVertexBindings) relevant.strides[b.binding] = values.strides[b.binding];
-  std::string key(reinterpret_cast<const char*>(&relevant), sizeof relevant);
+  std::string key(reinterpret_cast<const char*>(&relevant), offsetof(ExtendedState, vertexInput));
+  if (mask_ & kDynamicVertexInput) {
+    key.append(reinterpret_cast<const char*>(input.bindings), input.bindingCount * sizeof *input.bindings);
+    key.append(1, '|');
+    key.append(reinterpret_cast<const char*>(input.attributes), input.attributeCount * sizeof *input.attributes);
+  }
+  return key;
+}
+
+std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const ExtendedState& values) {
+  const std::string key = keyOf(values);
   std::lock_guard lock(mutex_);
   auto& slot = members_[key];
   if (!slot) {
+    const base::ScopedFpEnv environment;
+    pipeline::GraphicsState state = state_;
+    apply(state, mask_, values);
     auto made = pipeline::createGraphicsPipeline(std::move(state), layout_, vertex_, state.rasterizerDiscard ? nullptr : fragment_);
     if (!made) {
       base::logError("a draw with dynamic state: %s", made.error().message.c_str());
@@ -149,6 +177,21 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers2(VkCommandBuffer buffer, uint3
     if (sizes && buffers[i]) cb.draw.vertexBuffers[first + i].size = from(buffers[i])->range(offsets[i], sizes[i]).size;
     if (strides) cb.extended.strides[first + i] = uint32_t(strides[i]);
   }
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdSetVertexInputEXT(VkCommandBuffer buffer, uint32_t bindingCount, const VkVertexInputBindingDescription2EXT* bindings, uint32_t attributeCount,
+                                                  const VkVertexInputAttributeDescription2EXT* attributes) {
+  ExtendedState& e = from(buffer)->extended;
+  e.vertexInput = {};
+  for (uint32_t i = 0; i < bindingCount && i < pipeline::kMaxVertexBindings; i++) {
+    const auto& b = bindings[i];
+    if (b.binding >= pipeline::kMaxVertexBindings) continue;
+    e.strides[b.binding] = b.stride;
+    e.vertexInput.bindings[e.vertexInput.bindingCount++] = {b.binding, uint32_t(b.inputRate), b.divisor};
+  }
+  for (uint32_t i = 0; i < attributeCount && i < pipeline::kMaxVertexAttributes; i++)
+    e.vertexInput.attributes[e.vertexInput.attributeCount++] = {attributes[i].location, attributes[i].binding, attributes[i].format, attributes[i].offset};
+  from(buffer)->captured = nullptr;
 }
 
 // Stippled lines are not supported, so nothing reads the pattern; the command belongs to the extension all the same.

@@ -26,6 +26,7 @@ enum ExtendedBit : uint32_t {
   kDynamicRasterizerDiscard = 1 << 10,
   kDynamicDepthBias = 1 << 11,
   kDynamicPrimitiveRestart = 1 << 12,
+  kDynamicVertexInput = 1 << 13,
 };
 //! 0 for states of other kinds.
 uint32_t extendedBit(VkDynamicState state);
@@ -40,6 +41,14 @@ struct ExtendedState {
   uint32_t rasterizerDiscard = 0, depthBias = 0, primitiveRestart = 0;
   VkStencilOpState stencil[2] = {};    //!< front, back: operations and compare op only
   uint32_t strides[pipeline::kMaxVertexBindings] = {};
+  // Vertex input; of bindings without their strides. Last, because the key takes only what is used of it.
+  struct VertexInput {
+    uint32_t bindingCount = 0, attributeCount = 0;
+    struct Binding {
+      uint32_t binding, inputRate, divisor;
+    } bindings[pipeline::kMaxVertexBindings] = {};
+    VkVertexInputAttributeDescription attributes[pipeline::kMaxVertexAttributes] = {};
+  } vertexInput;
 };
 
 class PipelineFamily {
@@ -51,6 +60,8 @@ class PipelineFamily {
   std::shared_ptr<pipeline::GraphicsPipeline> member(const ExtendedState& values);
 
  private:
+  std::string keyOf(const ExtendedState& values) const;
+
   uint32_t mask_;
   pipeline::GraphicsState state_;
   std::shared_ptr<const pipeline::Layout> layout_;

@@ -3,6 +3,7 @@
 #include <bit>
 
 #include "entrypoints.h"
+#include "icd/external.h"
 #include "icd/instance.h"
 #include "texture/format.h"
 #include "texture/layout.h"
@@ -101,18 +102,19 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceImageFormatProperties(VkPhysic
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceImageFormatProperties2(VkPhysicalDevice handle, const VkPhysicalDeviceImageFormatInfo2* info, VkImageFormatProperties2* out) {
+  auto* external = findInChain<VkPhysicalDeviceExternalImageFormatInfo>(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_IMAGE_FORMAT_INFO);
+  const VkExternalMemoryProperties sharing = external ? externalMemory(external->handleType) : VkExternalMemoryProperties{};
   for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext) switch (s->sType) {
-      case VK_STRUCTURE_TYPE_EXTERNAL_IMAGE_FORMAT_PROPERTIES: reinterpret_cast<VkExternalImageFormatProperties*>(s)->externalMemoryProperties = {}; break;
+      case VK_STRUCTURE_TYPE_EXTERNAL_IMAGE_FORMAT_PROPERTIES: reinterpret_cast<VkExternalImageFormatProperties*>(s)->externalMemoryProperties = sharing; break;
       case VK_STRUCTURE_TYPE_SAMPLER_YCBCR_CONVERSION_IMAGE_FORMAT_PROPERTIES:
         reinterpret_cast<VkSamplerYcbcrConversionImageFormatProperties*>(s)->combinedImageSamplerDescriptorCount = 1;
         break;
       default: break;
     }
-  auto* external = findInChain<VkPhysicalDeviceExternalImageFormatInfo>(info->pNext, VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_IMAGE_FORMAT_INFO);
   // The stencil aspect may have a usage of its own: both must be possible.
   auto* stencil = findInChain<VkImageStencilUsageCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_IMAGE_STENCIL_USAGE_CREATE_INFO);
   VkImageUsageFlags usage = info->usage | (stencil ? stencil->stencilUsage : VkImageUsageFlags(0));
-  if (external && external->handleType) {
+  if (external && external->handleType && !sharing.externalMemoryFeatures) {
     out->imageFormatProperties = {};
     return VK_ERROR_FORMAT_NOT_SUPPORTED;
   }

@@ -1,5 +1,7 @@
 // Device memory, buffers, buffer views and their requirements.
+#include <fcntl.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 
 #include "base/address_ranges.h"
 #include "base/log.h"
@@ -24,6 +26,52 @@ void bindBuffer(VkBuffer handle, VkDeviceMemory memory, VkDeviceSize offset) {
   if (buffer.usage & VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT) base::addressRanges().add(reinterpret_cast<uint64_t>(buffer.data), buffer.size);
 }
 
+// Seals keep the others who have the file from cutting pages off under us.
+constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW;
+
+VkResult makeSharedFile(uint64_t size, OwnedFd& out) {
+  OwnedFd file(::memfd_create("pumice-memory", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!file) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  if (::ftruncate(file.get(), off_t(size)) || ::fcntl(file.get(), F_ADD_SEALS, kSeals)) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  out = std::move(file);
+  return VK_SUCCESS;
+}
+
+// Only what an export has made: a sealed file that is large enough.
+bool importable(int fd, uint64_t size) {
+  struct stat status;
+  const int seals = ::fcntl(fd, F_GET_SEALS);
+  return seals >= 0 && (seals & F_SEAL_SHRINK) && !::fstat(fd, &status) && status.st_size >= 0 && uint64_t(status.st_size) >= size;
+}
+
+//! Gives the memory its pages. On success a file descriptor that was imported is ours.
+VkResult mapPages(DeviceMemory& memory, const void* chain) {
+  if (auto* host = findInChain<VkImportMemoryHostPointerInfoEXT>(chain, VK_STRUCTURE_TYPE_IMPORT_MEMORY_HOST_POINTER_INFO_EXT); host && host->handleType) {
+    if (!host->pHostPointer || reinterpret_cast<uintptr_t>(host->pHostPointer) % kHostPointerAlignment) return VK_ERROR_INVALID_EXTERNAL_HANDLE;
+    memory.data = static_cast<std::byte*>(host->pHostPointer);
+    memory.ours = false;
+    return VK_SUCCESS;
+  }
+  auto* imported = findInChain<VkImportMemoryFdInfoKHR>(chain, VK_STRUCTURE_TYPE_IMPORT_MEMORY_FD_INFO_KHR);
+  auto* exported = findInChain<VkExportMemoryAllocateInfo>(chain, VK_STRUCTURE_TYPE_EXPORT_MEMORY_ALLOCATE_INFO);
+  OwnedFd file;
+  int fd = -1;
+  if (imported && imported->handleType) {
+    if (imported->handleType != VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT || !importable(imported->fd, memory.size)) return VK_ERROR_INVALID_EXTERNAL_HANDLE;
+    fd = imported->fd;
+  } else if (exported && exported->handleTypes) {
+    if (VkResult result = makeSharedFile(memory.size, file)) return result;
+    fd = file.get();
+  }
+  // Pages come zeroed and only when touched: a large allocation that is never used costs nothing.
+  const int flags = fd >= 0 ? MAP_SHARED | MAP_NORESERVE : MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE;
+  void* pages = ::mmap(nullptr, memory.size, PROT_READ | PROT_WRITE, flags, fd, 0);
+  if (pages == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  memory.data = static_cast<std::byte*>(pages);
+  if (fd >= 0) memory.shared = file ? std::move(file) : OwnedFd(fd);
+  return VK_SUCCESS;
+}
+
 VkMemoryRequirements bufferRequirements(uint64_t size) { return {(size + 63) & ~uint64_t(63), 64, kMemoryTypeBits}; }
 
 }  // namespace
@@ -37,23 +85,23 @@ VKAPI_ATTR VkResult VKAPI_CALL vkAllocateMemory(VkDevice handle, const VkMemoryA
     device.release(size);
     return VK_ERROR_OUT_OF_HOST_MEMORY;
   }
-  // Pages come zeroed and only when touched: a large allocation that is never used costs nothing.
-  void* pages = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (pages == MAP_FAILED) {
+  memory->size = size;
+  if (VkResult result = mapPages(*memory, info->pNext)) {
     device.destroy(callbacks, memory);
     device.release(size);
-    return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+    return result;
   }
-  memory->data = static_cast<std::byte*>(pages);
-  memory->size = size;
+  if (!memory->ours) device.release(size);   // the host program's: not of the heap
   *out = to<VkDeviceMemory>(memory);
   return VK_SUCCESS;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkFreeMemory(VkDevice handle, VkDeviceMemory memoryHandle, const VkAllocationCallbacks* callbacks) {
   if (auto* memory = from(memoryHandle)) {
-    munmap(memory->data, memory->size);
-    from(handle)->release(memory->size);
+    if (memory->ours) {
+      munmap(memory->data, memory->size);
+      from(handle)->release(memory->size);
+    }
     from(handle)->destroy(callbacks, memory);
   }
 }

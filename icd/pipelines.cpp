@@ -68,7 +68,7 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
       if (d < 32) s.dynamic |= 1u << d;
       extended |= extendedBit(d);
     }
-  if (auto* v = info.pVertexInputState) {
+  if (auto* v = extended & kDynamicVertexInput ? nullptr : info.pVertexInputState) {
     s.vertexBindings.assign(v->pVertexBindingDescriptions, v->pVertexBindingDescriptions + v->vertexBindingDescriptionCount);
     if (auto* d = findInChain<VkPipelineVertexInputDivisorStateCreateInfoEXT>(v->pNext, VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_DIVISOR_STATE_CREATE_INFO_EXT))
       s.divisors.assign(d->pVertexBindingDivisors, d->pVertexBindingDivisors + d->vertexBindingDivisorCount);
@@ -159,6 +159,9 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
   uint32_t extended = 0;
   pipeline::GraphicsState state = graphicsStateOf(info, extended);
   state.wholeAttributes = device.features[size_t(Feature::robustBufferAccess2)];
+  auto* robustness = findInChain<VkPipelineRobustnessCreateInfoEXT>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_ROBUSTNESS_CREATE_INFO_EXT);
+  if (robustness && robustness->vertexInputs != VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_DEVICE_DEFAULT_EXT)
+    state.wholeAttributes = robustness->vertexInputs == VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_ROBUST_BUFFER_ACCESS_2_EXT;
   std::shared_ptr<const frontend::Shader> vertex, fragment;
   for (uint32_t i = 0; i < info.stageCount; i++) {
     const auto& stage = info.pStages[i];
@@ -172,6 +175,8 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
   if (!vertex) return base::Error{"a graphics pipeline needs a vertex shader"};
   auto layout = from(info.layout)->layout;
   if (extended) out.family = std::make_unique<PipelineFamily>(extended, state, layout, vertex, fragment);
+  // Which attributes there are is not known yet.
+  if (extended & kDynamicVertexInput) return {};
   // A family is tried with the static values, so that what cannot work fails here and not at a draw.
   auto made = pipeline::createGraphicsPipeline(std::move(state), std::move(layout), std::move(vertex), std::move(fragment));
   if (!made) return std::move(made).error();

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "icd/external.h"
 #include "pipeline/layout.h"
 #include "spirv_interp/frontend/support.h"
 #include "spirv_interp/ir/ir.h"
@@ -156,6 +157,17 @@ void fillProperties(const ExtendedProperties& all, void* chain) {
       case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_LINE_RASTERIZATION_PROPERTIES_EXT:
         reinterpret_cast<VkPhysicalDeviceLineRasterizationPropertiesEXT*>(s)->lineSubPixelPrecisionBits = 8;
         break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_EXTERNAL_MEMORY_HOST_PROPERTIES_EXT:
+        reinterpret_cast<VkPhysicalDeviceExternalMemoryHostPropertiesEXT*>(s)->minImportedHostPointerAlignment = kHostPointerAlignment;
+        break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PIPELINE_ROBUSTNESS_PROPERTIES_EXT: {
+        // Bounds are always looked at; only vertex attributes know two ways.
+        auto& p = *reinterpret_cast<VkPhysicalDevicePipelineRobustnessPropertiesEXT*>(s);
+        p.defaultRobustnessStorageBuffers = p.defaultRobustnessUniformBuffers = VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_ROBUST_BUFFER_ACCESS_2_EXT;
+        p.defaultRobustnessVertexInputs = VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_ROBUST_BUFFER_ACCESS_EXT;
+        p.defaultRobustnessImages = VK_PIPELINE_ROBUSTNESS_IMAGE_BEHAVIOR_ROBUST_IMAGE_ACCESS_2_EXT;
+        break;
+      }
       default: break;
     }
 }

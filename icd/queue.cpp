@@ -27,19 +27,25 @@ QueueWorker::~QueueWorker() {
 
 bool QueueWorker::ready(const Submission& s) const {
   for (const SemaphoreValue& w : s.waits)
-    if (w.semaphore->value < w.value) return false;
+    if (!w.semaphore->payload() && w.semaphore->value < w.value) return false;
   return true;
 }
 
 // With the hub's lock held.
 void QueueWorker::finish(const Submission& s) {
-  for (const SemaphoreValue& v : s.signals) v.semaphore->value = v.value;
+  for (const SemaphoreValue& v : s.signals) v.semaphore->signal(v.value);
   if (s.fence) s.fence->signaled = true;
 }
 
 void QueueWorker::run(Submission& s) {
   // A binary semaphore is unsignalled by the wait.
-  const bool lost = hub_.waitOrLost(~0ull, [&] { return ready(s); }) < 0;
+  bool lost = hub_.waitOrLost(~0ull, [&] { return ready(s); }) < 0;
+  // Others signal a shared payload: nobody wakes us, so a lost device is looked for now and then.
+  for (const SemaphoreValue& w : s.waits)
+    if (auto* shared = w.semaphore->payload()) {
+      while (!lost && !shared->consume(50)) lost = hub_.lost();
+      if (shared == &w.semaphore->temporary) hub_.update([&] { w.semaphore->temporary.fd.reset(); });
+    }
   hub_.update([&] {
     for (const SemaphoreValue& w : s.waits)
       if (!w.semaphore->timeline) w.semaphore->value = 0;

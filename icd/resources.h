@@ -2,6 +2,7 @@
 #pragma once
 
 #include "icd/device.h"
+#include "icd/external.h"
 #include "texture/descriptor.h"
 #include "texture/transfer.h"
 
@@ -10,6 +11,8 @@ namespace pumice::icd {
 struct DeviceMemory {
   std::byte* data = nullptr;
   uint64_t size = 0;
+  bool ours = true;              //!< false: the host program's own memory
+  OwnedFd shared;                //!< the memfd that data maps, of what may be exported or was imported
 };
 
 struct Buffer {

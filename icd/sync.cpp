@@ -69,6 +69,11 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSemaphore(VkDevice device, const VkSemaph
     semaphore->timeline = type->semaphoreType == VK_SEMAPHORE_TYPE_TIMELINE;
     if (semaphore->timeline) semaphore->value = type->initialValue;
   }
+  auto* exported = findInChain<VkExportSemaphoreCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_EXPORT_SEMAPHORE_CREATE_INFO);
+  if (exported && exported->handleTypes && !semaphore->timeline && !semaphore->permanent.make()) {
+    from(device)->destroy(callbacks, semaphore);
+    return VK_ERROR_OUT_OF_HOST_MEMORY;
+  }
   *out = to<VkSemaphore>(semaphore);
   return VK_SUCCESS;
 }

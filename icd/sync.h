@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "icd/device.h"
+#include "icd/external.h"
 #include "icd/host_containers.h"
 #include "pipeline/execute.h"
 
@@ -71,9 +72,26 @@ struct Fence {
   bool signaled = false;
 };
 
+//! A binary semaphore's state outside of the device: an eventfd that counts to one.
+struct SharedPayload {
+  OwnedFd fd;
+  bool make();
+  void signal() const;
+  //! Takes the signal. Waits for it that long at most.
+  bool consume(int milliseconds) const;
+};
+
 struct Semaphore {
   bool timeline = false;
-  uint64_t value = 0;      //!< binary: 1 = signalled
+  uint64_t value = 0;                   //!< binary: 1 = signalled; of no meaning while there is a shared payload
+  SharedPayload permanent, temporary;   //!< the temporary one goes with the next wait
+  const SharedPayload* payload() const { return temporary.fd ? &temporary : permanent.fd ? &permanent : nullptr; }
+  void signal(uint64_t to) {
+    if (auto* p = payload())
+      p->signal();
+    else
+      value = to;
+  }
 };
 
 struct Event {

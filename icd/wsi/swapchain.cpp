@@ -198,7 +198,7 @@ VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore,
         s.images[i].busy = true;
         *index = i;
         // Whoever read the image has finished: it is ours at once.
-        if (semaphore) from(semaphore)->value = 1;
+        if (semaphore) from(semaphore)->signal(1);
         if (fence) from(fence)->signaled = true;
         // As Mesa's drivers do on X11: a window of another size still shows what fits.
         result = s.resized ? VK_SUBOPTIMAL_KHR : VK_SUCCESS;
