@@ -6,6 +6,7 @@
 #include "base/cpu.h"
 #include "entrypoints.h"
 #include "icd/instance.h"
+#include "icd/pipeline_cache.h"
 #include "pipeline/layout.h"
 #include "raster/tiles.h"
 #include "spirv_interp/interpreter/executor.h"
@@ -124,7 +125,7 @@ void initPhysicalDevice(PhysicalDevice& device) {
   p.deviceID = 1;
   p.deviceType = VK_PHYSICAL_DEVICE_TYPE_CPU;
   std::snprintf(p.deviceName, sizeof p.deviceName, "Pumice (%s, %u threads)", interp::interpreterTarget(), base::usableCpus());
-  driverUuid(p.pipelineCacheUUID);
+  buildUuid(p.pipelineCacheUUID);
   p.limits = deviceLimits(heap);
   initProperties(device.extendedProperties, p.limits, heap);
 

@@ -8,6 +8,7 @@
 #include "base/log.h"
 #include "entrypoints.h"
 #include "icd/descriptors.h"
+#include "icd/pipeline_cache.h"
 #include "icd/render_pass.h"
 
 namespace pumice::icd {
@@ -41,9 +42,35 @@ frontend::Stage stageOf(VkShaderStageFlagBits s) {
   }
 }
 
-ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage) {
-  auto module = moduleOf(stage);
-  if (!module) return std::move(module).error();
+ShaderKey wordsKeyOf(const VkPipelineShaderStageCreateInfo& stage) {
+  if (ShaderModule* m = from(stage.module)) {
+    std::lock_guard lock(m->mutex);
+    if (!m->key) m->key = wordsKey(m->words);
+    return *m->key;
+  }
+  auto* inlined = findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
+  return inlined ? wordsKey({inlined->pCode, inlined->codeSize / 4}) : ShaderKey{};
+}
+
+//! What the making of one pipeline may use, and what it came to.
+struct Making {
+  PipelineCache* cache = nullptr;
+  bool mayTranslate = true;
+  bool refused = false;             //!< something had to be translated and might not
+  uint32_t stages = 0, hits = 0;
+  VkPipelineCreationFeedback feedback[8] = {};   //!< of the stages, in the order of the create-info
+};
+
+uint64_t nanosecondsSince(std::chrono::steady_clock::time_point start) {
+  return uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - start).count());
+}
+
+ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32_t number, Making& making) {
+  const auto start = std::chrono::steady_clock::now();
+  making.stages++;
+  auto done = [&](VkPipelineCreationFeedbackFlags flags) {
+    if (number < std::size(making.feedback)) making.feedback[number] = {VK_PIPELINE_CREATION_FEEDBACK_VALID_BIT | flags, nanosecondsSince(start)};
+  };
   std::vector<frontend::SpecializationConstant> constants;
   if (const VkSpecializationInfo* info = stage.pSpecializationInfo)
     for (uint32_t i = 0; i < info->mapEntryCount; i++) {
@@ -52,8 +79,25 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage) {
       auto* data = static_cast<const std::byte*>(info->pData) + e.offset;
       constants.push_back({e.constantID, {data, data + e.size}});
     }
+  ShaderKey key{};
+  if (making.cache) {
+    key = shaderKey(wordsKeyOf(stage), stageOf(stage.stage), stage.pName, constants);
+    if (auto found = making.cache->find(key); found && found->stage == stageOf(stage.stage)) {
+      making.hits++;
+      done(VK_PIPELINE_CREATION_FEEDBACK_APPLICATION_PIPELINE_CACHE_HIT_BIT);
+      return found;
+    }
+  }
+  if (!making.mayTranslate) {
+    making.refused = true;
+    return base::Error{"the shader is not in the cache"};
+  }
+  auto module = moduleOf(stage);
+  if (!module) return std::move(module).error();
   auto shader = frontend::translate(**module, stageOf(stage.stage), stage.pName, constants);
   if (auto valid = frontend::validity(**module); !valid) return valid.error();
+  if (shader && making.cache) making.cache->insert(key, *shader);
+  done(0);
   return shader;
 }
 
@@ -155,7 +199,7 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
   return s;
 }
 
-base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateInfo& info, Pipeline& out) {
+base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateInfo& info, Making& making, Pipeline& out) {
   uint32_t extended = 0;
   pipeline::GraphicsState state = graphicsStateOf(info, extended);
   state.wholeAttributes = device.features[size_t(Feature::robustBufferAccess2)];
@@ -168,7 +212,7 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
     if (stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT && state.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) continue;
     auto* slot = stage.stage == VK_SHADER_STAGE_VERTEX_BIT ? &vertex : stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT ? &fragment : nullptr;
     if (!slot) return base::Error{"tessellation and geometry stages are not supported"};
-    auto shader = translateStage(stage);
+    auto shader = translateStage(stage, i, making);
     if (!shader) return std::move(shader).error();
     *slot = *shader;
   }
@@ -184,23 +228,25 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
   return {};
 }
 
-base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkComputePipelineCreateInfo& info) {
-  auto shader = translateStage(info.stage);
+base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkComputePipelineCreateInfo& info, Making& making) {
+  auto shader = translateStage(info.stage, 0, making);
   if (!shader) return std::move(shader).error();
   return pipeline::createComputePipeline(from(info.layout)->layout, *shader);
 }
 
-// Fills VkPipelineCreationFeedbackCreateInfo of a pipeline. Stages have no times of their own: not valid.
-void giveFeedback(const void* chain, std::chrono::steady_clock::time_point start) {
+// Fills VkPipelineCreationFeedbackCreateInfo of a pipeline.
+void giveFeedback(const void* chain, std::chrono::steady_clock::time_point start, const Making& making) {
   auto* feedback = findInChain<VkPipelineCreationFeedbackCreateInfo>(chain, VK_STRUCTURE_TYPE_PIPELINE_CREATION_FEEDBACK_CREATE_INFO);
   if (!feedback) return;
-  auto spent = std::chrono::steady_clock::now() - start;
-  *feedback->pPipelineCreationFeedback = {VK_PIPELINE_CREATION_FEEDBACK_VALID_BIT, uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(spent).count())};
-  for (uint32_t i = 0; i < feedback->pipelineStageCreationFeedbackCount; i++) feedback->pPipelineStageCreationFeedbacks[i] = {};
+  const bool hit = making.stages && making.hits == making.stages;
+  const VkPipelineCreationFeedbackFlags flags = VK_PIPELINE_CREATION_FEEDBACK_VALID_BIT | (hit ? VK_PIPELINE_CREATION_FEEDBACK_APPLICATION_PIPELINE_CACHE_HIT_BIT : 0);
+  *feedback->pPipelineCreationFeedback = {flags, nanosecondsSince(start)};
+  for (uint32_t i = 0; i < feedback->pipelineStageCreationFeedbackCount; i++)
+    feedback->pPipelineStageCreationFeedbacks[i] = i < std::size(making.feedback) ? making.feedback[i] : VkPipelineCreationFeedback{};
 }
 
 template <typename Info, typename Make>
-VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, const VkAllocationCallbacks* callbacks, VkPipeline* out, const char* what, Make&& make) {
+VkResult createPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count, const Info* infos, const VkAllocationCallbacks* callbacks, VkPipeline* out, const char* what, Make&& make) {
   base::ScopedFpEnv environment;   // constants are folded on the application's thread
   VkResult result = VK_SUCCESS;
   bool stop = false;
@@ -209,17 +255,16 @@ VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, con
     if (stop) continue;
     VkResult one = VK_SUCCESS;
     auto start = std::chrono::steady_clock::now();
-    // Nothing is cached: every pipeline has to be compiled.
-    bool refused = infos[i].flags & VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT;
-    auto* object = refused ? nullptr : from(handle)->make<Pipeline>(callbacks);
-    if (refused) {
-      one = VK_PIPELINE_COMPILE_REQUIRED;
-    } else if (!object) {
+    Making making{.cache = from(cache), .mayTranslate = !(infos[i].flags & VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT)};
+    auto* object = from(handle)->make<Pipeline>(callbacks);
+    if (!object) {
       one = VK_ERROR_OUT_OF_HOST_MEMORY;
     } else {
       try {
-        auto made = make(infos[i], *object);
-        if (!made) {
+        auto made = make(infos[i], making, *object);
+        if (!made && making.refused) {
+          one = VK_PIPELINE_COMPILE_REQUIRED;
+        } else if (!made) {
           base::logError("%s: %s", what, made.error().message.c_str());
           // The spec has no better word for a shader that cannot be translated.
           one = VK_ERROR_UNKNOWN;
@@ -227,7 +272,7 @@ VkResult createPipelines(VkDevice handle, uint32_t count, const Info* infos, con
       } catch (const std::bad_alloc&) {
         one = VK_ERROR_OUT_OF_HOST_MEMORY;
       }
-      giveFeedback(infos[i].pNext, start);
+      giveFeedback(infos[i].pNext, start, making);
       if (one == VK_SUCCESS)
         out[i] = to<VkPipeline>(object);
       else
@@ -258,55 +303,18 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateShaderModule(VkDevice device, const VkSha
 
 VKAPI_ATTR void VKAPI_CALL vkDestroyShaderModule(VkDevice device, VkShaderModule module, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(module)); }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreatePipelineCache(VkDevice handle, const VkPipelineCacheCreateInfo*, const VkAllocationCallbacks* callbacks, VkPipelineCache* out) {
-  auto* cache = from(handle)->make<PipelineCache>(callbacks, from(handle)->allocatorFor(callbacks));
-  if (!cache) return VK_ERROR_OUT_OF_HOST_MEMORY;
-  const auto& p = from(handle)->physical.properties;
-  VkPipelineCacheHeaderVersionOne header{sizeof header, VK_PIPELINE_CACHE_HEADER_VERSION_ONE, p.vendorID, p.deviceID, {}};
-  std::memcpy(header.pipelineCacheUUID, p.pipelineCacheUUID, VK_UUID_SIZE);
-  try {
-    cache->data.resize(sizeof header);
-  } catch (const std::bad_alloc&) {
-    from(handle)->destroy(callbacks, cache);
-    return VK_ERROR_OUT_OF_HOST_MEMORY;
-  }
-  std::memcpy(cache->data.data(), &header, sizeof header);
-  *out = to<VkPipelineCache>(cache);
-  return VK_SUCCESS;
-}
-
-VKAPI_ATTR void VKAPI_CALL vkDestroyPipelineCache(VkDevice device, VkPipelineCache cache, const VkAllocationCallbacks* callbacks) { from(device)->destroy(callbacks, from(cache)); }
-
-VKAPI_ATTR VkResult VKAPI_CALL vkGetPipelineCacheData(VkDevice, VkPipelineCache handle, size_t* size, void* out) {
-  const auto& data = from(handle)->data;
-  if (!out) {
-    *size = data.size();
-    return VK_SUCCESS;
-  }
-  // A header that does not fit is not written in part.
-  if (*size < data.size()) {
-    *size = 0;
-    return VK_INCOMPLETE;
-  }
-  *size = data.size();
-  std::memcpy(out, data.data(), data.size());
-  return VK_SUCCESS;
-}
-
-VKAPI_ATTR VkResult VKAPI_CALL vkMergePipelineCaches(VkDevice, VkPipelineCache, uint32_t, const VkPipelineCache*) { return VK_SUCCESS; }
-
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateGraphicsPipelines(VkDevice device, VkPipelineCache, uint32_t count, const VkGraphicsPipelineCreateInfo* infos,
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateGraphicsPipelines(VkDevice device, VkPipelineCache cache, uint32_t count, const VkGraphicsPipelineCreateInfo* infos,
                                                          const VkAllocationCallbacks* callbacks, VkPipeline* out) {
-  return createPipelines(device, count, infos, callbacks, out, "vkCreateGraphicsPipelines", [&](const VkGraphicsPipelineCreateInfo& info, Pipeline& p) -> base::Status {
+  return createPipelines(device, cache, count, infos, callbacks, out, "vkCreateGraphicsPipelines", [&](const VkGraphicsPipelineCreateInfo& info, Making& making, Pipeline& p) -> base::Status {
     p.bindPoint = VK_PIPELINE_BIND_POINT_GRAPHICS;
-    return makeGraphics(*from(device), info, p);
+    return makeGraphics(*from(device), info, making, p);
   });
 }
 
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateComputePipelines(VkDevice device, VkPipelineCache, uint32_t count, const VkComputePipelineCreateInfo* infos,
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateComputePipelines(VkDevice device, VkPipelineCache cache, uint32_t count, const VkComputePipelineCreateInfo* infos,
                                                         const VkAllocationCallbacks* callbacks, VkPipeline* out) {
-  return createPipelines(device, count, infos, callbacks, out, "vkCreateComputePipelines", [](const VkComputePipelineCreateInfo& info, Pipeline& p) -> base::Status {
-    auto made = makeCompute(info);
+  return createPipelines(device, cache, count, infos, callbacks, out, "vkCreateComputePipelines", [](const VkComputePipelineCreateInfo& info, Making& making, Pipeline& p) -> base::Status {
+    auto made = makeCompute(info, making);
     if (!made) return std::move(made).error();
     p.bindPoint = VK_PIPELINE_BIND_POINT_COMPUTE;
     p.compute = *made;

@@ -1,8 +1,10 @@
-// Shader modules, pipeline caches, pipelines.
+// Shader modules and pipelines.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <mutex>
+#include <optional>
 
 #include "icd/device.h"
 #include "icd/extended_state.h"
@@ -15,12 +17,8 @@ struct ShaderModule {
   explicit ShaderModule(const HostAllocator& a) : words(HostStl<uint32_t>(a)) {}
   HostVector<uint32_t> words;
   std::mutex mutex;
-  std::shared_ptr<const frontend::Module> module;   //!< parsed and validated on first use
-};
-
-struct PipelineCache {
-  explicit PipelineCache(const HostAllocator& a) : data(HostStl<std::byte>(a)) {}
-  HostVector<std::byte> data;   //!< the standard header alone: nothing is cached yet
+  std::shared_ptr<const frontend::Module> module;   //!< parsed on first use
+  std::optional<std::array<uint64_t, 2>> key;       //!< of the words, made when a cache is used
 };
 
 struct Pipeline {
@@ -31,7 +29,6 @@ struct Pipeline {
 };
 
 PUMICE_HANDLE(ShaderModule, VkShaderModule)
-PUMICE_HANDLE(PipelineCache, VkPipelineCache)
 PUMICE_HANDLE(Pipeline, VkPipeline)
 
 }  // namespace pumice::icd

@@ -1,0 +1,190 @@
+#include "spirv_interp/frontend/shader_bytes.h"
+
+#include <cstring>
+#include <type_traits>
+
+namespace pumice::frontend {
+namespace {
+
+// One description of the fields serves both directions.
+class Writer {
+ public:
+  static constexpr bool kReads = false;
+  template <typename T>
+  void value(const T& v) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    const auto* p = reinterpret_cast<const std::byte*>(&v);
+    bytes.insert(bytes.end(), p, p + sizeof v);
+  }
+  void size(size_t& n, size_t) { value(uint32_t(n)); }
+  std::vector<std::byte> bytes;
+  bool ok = true;
+};
+
+class Reader {
+ public:
+  static constexpr bool kReads = true;
+  explicit Reader(std::span<const std::byte> b) : rest(b) {}
+  template <typename T>
+  void value(T& v) {
+    if (rest.size() < sizeof v) {
+      ok = false;
+      return;
+    }
+    if constexpr (std::is_same_v<T, bool>) {
+      v = rest[0] != std::byte(0);   // other bytes than 0 and 1 are no bool
+    } else {
+      std::memcpy(&v, rest.data(), sizeof v);
+    }
+    rest = rest.subspan(sizeof v);
+  }
+  //! A count of elements that take at least so many bytes each: what is not there is not allocated.
+  void size(size_t& n, size_t elementBytes) {
+    uint32_t stored = 0;
+    value(stored);
+    if (!ok || stored > rest.size() / elementBytes) ok = false, stored = 0;
+    n = stored;
+  }
+  std::span<const std::byte> rest;
+  bool ok = true;
+};
+
+template <typename A, typename T, typename Each>
+void list(A& a, std::vector<T>& items, size_t elementBytes, Each&& each) {
+  size_t n = items.size();
+  a.size(n, elementBytes);
+  if constexpr (A::kReads) items.assign(n, T{});
+  for (T& item : items) {
+    each(item);
+    if (!a.ok) return;
+  }
+}
+
+template <typename A>
+void text(A& a, std::string& s) {
+  size_t n = s.size();
+  a.size(n, 1);
+  if constexpr (A::kReads) s.resize(n);
+  for (char& c : s) a.value(c);
+}
+
+template <typename A>
+void fields(A& a, InterfaceVariable& v) {
+  a.value(v.location), a.value(v.component), a.value(v.index), a.value(v.locations), a.value(v.components), a.value(v.type);
+  a.value(v.isSigned), a.value(v.builtIn), a.value(v.interpolation), a.value(v.sampling), a.value(v.usedComponents);
+}
+
+template <typename A>
+void fields(A& a, Resource& r) {
+  a.value(r.set), a.value(r.binding), a.value(r.kind), a.value(r.arraySize), a.value(r.readOnly), a.value(r.dynamicIndex);
+  a.value(r.inputAttachmentIndex), a.value(r.usedConstantElements);
+}
+
+template <typename A>
+void fields(A& a, ir::Inst& i) {
+  a.value(i.op), a.value(i.type), a.value(i.rate), a.value(i.flags), a.value(i.firstOperand), a.value(i.operandCount), a.value(i.line), a.value(i.imm);
+}
+
+template <typename A>
+void fields(A& a, ir::ImageOpInfo& o) {
+  a.value(o.kind), a.value(o.dim), a.value(o.arrayed), a.value(o.multisampled), a.value(o.implicitLod), a.value(o.atomic), a.value(o.compareExchange);
+  a.value(o.operands), a.value(o.imageResource), a.value(o.samplerResource), a.value(o.texelType), a.value(o.texelSigned), a.value(o.storageFormat);
+}
+
+template <typename A>
+void fields(A& a, ir::Function& f) {
+  text(a, f.name);
+  list(a, f.insts, 24, [&](ir::Inst& i) { fields(a, i); });
+  list(a, f.operandPool, 4, [&](ir::Value& v) { a.value(v); });
+  list(a, f.imageOps, 20, [&](ir::ImageOpInfo& o) { fields(a, o); });
+  a.value(f.sharedBytes);
+}
+
+template <typename A>
+void fields(A& a, Shader& s) {
+  a.value(s.stage);
+  fields(a, s.function);
+  list(a, s.inputs, 32, [&](InterfaceVariable& v) { fields(a, v); });
+  list(a, s.outputs, 32, [&](InterfaceVariable& v) { fields(a, v); });
+  list(a, s.inputBuiltIns, 4, [&](uint32_t& b) { a.value(b); });
+  list(a, s.resources, 27, [&](Resource& r) { fields(a, r); });
+  a.value(s.localSize);
+  for (bool* flag : {&s.usesDerivatives, &s.mayDiscard, &s.writesMemory, &s.earlyFragmentTests, &s.writesDepth, &s.usesSampleRate, &s.usesBarrier}) a.value(*flag);
+  list(a, s.sources, 4, [&](std::string& t) { text(a, t); });
+}
+
+// --- what is read
+
+constexpr uint64_t kMostLocalBytes = 1 << 20, kMostSharedBytes = 1 << 20;
+
+bool sound(const InterfaceVariable& v) {
+  return v.location < (v.builtIn ? 10000u : 256u) && v.component < 4 && v.index < 2 && v.locations >= 1 && v.locations <= 64 && v.components >= 1 && v.components <= 64 &&
+         v.type > ir::Type::None && v.type <= ir::Type::F64 && v.interpolation <= Interpolation::Flat && v.sampling <= SampleLocation::Sample;
+}
+
+bool sound(const Shader& s) {
+  if (s.stage > Stage::Compute) return false;
+  for (const auto* list : {&s.inputs, &s.outputs})
+    for (const InterfaceVariable& v : *list)
+      if (!sound(v)) return false;
+  for (const Resource& r : s.resources)
+    if (r.kind > ResourceKind::InputAttachment || r.set >= ir::kMaxDescriptorSets) return false;
+  uint64_t invocations = 1;
+  for (uint32_t n : s.localSize) {
+    if (n < 1 || n > 1024) return false;
+    invocations *= n;
+  }
+  if (invocations > 1024 || s.function.sharedBytes > kMostSharedBytes) return false;
+  if (!ir::verify(s.function).empty()) return false;
+  const ir::Function& f = s.function;
+  const auto resource = [&](uint64_t n) { return n < s.resources.size(); };
+  const auto variable = [](const std::vector<InterfaceVariable>& list, const ir::Inst& i) {
+    const uint64_t number = i.imm >> 32, component = i.imm & 0xffffffff;
+    return number < list.size() && component < 64 && (list[number].usedComponents >> component & 1);
+  };
+  uint64_t local = 0;
+  for (const ir::Inst& i : f.insts) switch (i.op) {
+      // What stands for a routine's own surroundings has no place in a shader.
+      case ir::Op::Input: case ir::Op::UniformInput: case ir::Op::Output: case ir::Op::QuadLoad: case ir::Op::TileLoad: case ir::Op::TileStore:
+      case ir::Op::Check: return false;
+      case ir::Op::ShaderInput:
+        if (!variable(s.inputs, i)) return false;
+        break;
+      case ir::Op::ShaderOutput:
+        if (!variable(s.outputs, i)) return false;
+        break;
+      case ir::Op::Descriptor:
+        if (!resource(i.imm)) return false;
+        break;
+      case ir::Op::ImageOp:
+        if (!resource(f.imageOps[i.imm].imageResource) || !resource(f.imageOps[i.imm].samplerResource)) return false;
+        break;
+      case ir::Op::LocalAlloc:
+        if ((local += i.imm) > kMostLocalBytes) return false;
+        break;
+      default: break;
+    }
+  return true;
+}
+
+}  // namespace
+
+std::vector<std::byte> toBytes(const Shader& shader) {
+  Writer w;
+  w.value(kShaderBytesVersion);
+  fields(w, const_cast<Shader&>(shader));   // a writer only reads it
+  return std::move(w.bytes);
+}
+
+std::shared_ptr<const Shader> fromBytes(std::span<const std::byte> bytes) {
+  Reader r(bytes);
+  uint32_t version = 0;
+  r.value(version);
+  if (!r.ok || version != kShaderBytesVersion) return nullptr;
+  auto shader = std::make_shared<Shader>();
+  shader->function.insts.clear();
+  fields(r, *shader);
+  return r.ok && r.rest.empty() && sound(*shader) ? shader : nullptr;
+}
+
+}  // namespace pumice::frontend
