@@ -51,6 +51,32 @@ HWY_INLINE T srem(T a, T b) {
   if (b == T(-1)) return 0;
   return T(Signed<T>(a) % Signed<T>(b));
 }
+#if HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
+// Vectors have no integer division, but of 32 bits a double knows the quotient: correctly rounded it never reaches the next
+// integer, which is at least 1/b away, more than an ulp of any a/b. (2^52 puts an integer into the low bits of a double and back,
+// rounded to nearest, hence the correction. No branches and no calls, so that the loops become vectors.)
+HWY_INLINE double ofWord(uint32_t x) { return std::bit_cast<double>(uint64_t(x) | 0x4330000000000000u) - 0x1p52; }
+HWY_INLINE uint32_t quotient(uint32_t a, uint32_t b) {
+  const double x = ofWord(a) / ofWord(b), near = x + 0x1p52;
+  return uint32_t(std::bit_cast<uint64_t>(near) - (near - 0x1p52 > x ? 1u : 0u));
+}
+HWY_INLINE uint32_t onesIfZero(uint32_t b) { return 0u - uint32_t(b == 0); }   // quotient(a, 0) is 0
+HWY_INLINE uint32_t sdiv(uint32_t a, uint32_t b) {
+  const uint32_t sa = uint32_t(int32_t(a) >> 31), sb = uint32_t(int32_t(b) >> 31), s = sa ^ sb;
+  return ((quotient((a ^ sa) - sa, (b ^ sb) - sb) ^ s) - s) | onesIfZero(b);
+}
+HWY_INLINE uint32_t srem(uint32_t a, uint32_t b) { return a - sdiv(a, b) * b; }
+HWY_INLINE uint32_t udiv(uint32_t a, uint32_t b) { return quotient(a, b) | onesIfZero(b); }
+HWY_INLINE uint32_t urem(uint32_t a, uint32_t b) { return a - quotient(a, b) * b; }
+#endif
+template <class T>
+HWY_INLINE T udiv(T a, T b) {
+  return b ? T(a / b) : T(-1);
+}
+template <class T>
+HWY_INLINE T urem(T a, T b) {
+  return b ? T(a % b) : a;
+}
 #define FORMULA1(Name, expr)      \
   struct Name {                   \
     template <class T>            \
@@ -68,9 +94,9 @@ FORMULA2(IMul, Wide<T>(a) * Wide<T>(b))
 FORMULA2(SMulHi, int64_t(Signed<T>(a)) * int64_t(Signed<T>(b)) >> 32)
 FORMULA2(UMulHi, uint64_t(a) * b >> 32)
 FORMULA2(SDiv, sdiv(a, b))
-FORMULA2(UDiv, b ? T(a / b) : T(-1))
+FORMULA2(UDiv, udiv(a, b))
 FORMULA2(SRem, srem(a, b))
-FORMULA2(URem, b ? T(a % b) : a)
+FORMULA2(URem, urem(a, b))
 FORMULA2(And, a & b)
 FORMULA2(Or, a | b)
 FORMULA2(Xor, a ^ b)
