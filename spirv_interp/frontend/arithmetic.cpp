@@ -215,8 +215,18 @@ void onIsInf(Translator& t, const Instruction& inst, uint32_t) {
 
 // --- conversions
 
+// The nearest half, or the one before it where that is farther from zero than v (infinity is farther than all).
+Value toHalfTowardsZero(ir::Builder& b, Value v) {
+  Value nearest = b.convert(Op::FToF, Type::F16, v);
+  Value beyond = b.flt(b.fabs(v), b.fabs(b.convert(Op::FToF, b.type(v), nearest)));
+  Value before = b.bitcast(Type::F16, b.isub(b.bitcast(Type::I16, nearest), b.constant(Type::I16, 1)));
+  return b.select(beyond, before, nearest);
+}
+
 void onConvert(Translator& t, const Instruction& inst, uint32_t aux) {
   Type to = t.scalarInfo(inst.resultType).scalar;
+  const Decoration* rounding = t.module.find(inst.result, spv::Decoration::FPRoundingMode);
+  bool towardsZero = rounding && spv::FPRoundingMode(rounding->literal()) == spv::FPRoundingMode::RTZ;
   Values out;
   for (Value v : t.data(inst.operand(0))) {
     // FToF, SExt and ZExt between equal widths change nothing.
@@ -224,6 +234,8 @@ void onConvert(Translator& t, const Instruction& inst, uint32_t aux) {
       out.push_back(v);
     else if (Op(aux) == Op::SExt || Op(aux) == Op::ZExt)
       out.push_back(t.resize(v, to, Op(aux) == Op::SExt));
+    else if (towardsZero && Op(aux) == Op::FToF && to == Type::F16)
+      out.push_back(toHalfTowardsZero(t.b, v));
     else
       out.push_back(t.b.convert(Op(aux), to, v));
   }

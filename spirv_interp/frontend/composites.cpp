@@ -114,7 +114,9 @@ void onCopy(Translator& t, const Instruction& inst, uint32_t) {
   t.setVal(inst.result, std::move(copy));
 }
 
-void onUndef(Translator& t, const Instruction& inst, uint32_t) { t.define(inst, t.zeros(inst.resultType)); }
+void onUndef(Translator& t, const Instruction& inst, uint32_t) {
+  if (t.type(inst.resultType).hasValue()) t.define(inst, t.zeros(inst.resultType));
+}
 
 constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpCompositeConstruct, onConstruct},

@@ -63,7 +63,8 @@ void Translator::translateConstant(const Instruction& inst) {
     }
     case spv::Op::OpConstantNull:
     case spv::Op::OpUndef:
-      if (t.scalars == 0) fail("%s of a type without value", opcodeName(inst.op).c_str());
+      // Of pointers and images they may be named, but nothing can be done with them: the id gets no value.
+      if (!t.hasValue()) return;
       // Offset 0 of work-group memory is a place like any other; this one is outside.
       if (t.kind == TypeInfo::Pointer && t.storage == spv::StorageClass::Workgroup) {
         define(inst, {b.i32(~0u)});

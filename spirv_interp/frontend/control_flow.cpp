@@ -432,7 +432,7 @@ void Translator::translateFunctionCall(const Instruction& inst) {
   std::vector<Value> results;
   for (Value var : frame().returnVars) results.push_back(b.get(var));
   frames_.pop_back();
-  if (!results.empty()) define(inst, std::move(results));
+  if (type(function.returnType).kind != TypeInfo::Void) define(inst, std::move(results));
 }
 
 namespace {

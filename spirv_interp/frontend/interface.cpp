@@ -342,7 +342,7 @@ void Translator::declareVariable(const Instruction& inst) {
       const TypeInfo& t = type(typeId);
       variable.home = Home::Shared;
       uint64_t at = (uint64_t(shader.function.sharedBytes) + 15) / 16 * 16;
-      if (t.scalars == 0 || t.naturalSize > kMaxSharedBytes - std::min<uint64_t>(at, kMaxSharedBytes))
+      if (!t.hasValue() || t.naturalSize > kMaxSharedBytes - std::min<uint64_t>(at, kMaxSharedBytes))
         fail("work-group memory is too large");
       variable.offset = uint32_t(at);
       shader.function.sharedBytes = uint32_t(at + t.naturalSize);

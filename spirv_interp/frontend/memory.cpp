@@ -121,7 +121,7 @@ std::vector<Value> Translator::load(const Pointer& p) {
   std::vector<Value> scalars;
   const TypeInfo& t = type(p.type);
   if (p.home == Home::Opaque || p.texelImage) fail("an image or sampler is loaded as data");
-  if (t.scalars == 0 || t.scalars > kMaxValueScalars) fail("type %u cannot be loaded", p.type);
+  if (!t.hasValue() || t.scalars > kMaxValueScalars) fail("type %u cannot be loaded", p.type);
   if (p.home == Home::Registers || p.home == Home::Values) {
     if (p.offset + t.scalars > p.variable->scalars.size()) fail("a load lies outside of its variable");
     for (uint32_t i = 0; i < t.scalars; i++) {
@@ -149,7 +149,7 @@ std::vector<Value> Translator::load(const Pointer& p) {
 
 void Translator::store(const Pointer& p, const std::vector<Value>& scalars) {
   const TypeInfo& t = type(p.type);
-  if (scalars.size() != t.scalars || t.scalars == 0) fail("a store of %zu scalars to %u", scalars.size(), t.scalars);
+  if (scalars.size() != t.scalars || !t.hasValue()) fail("a store of %zu scalars to %u", scalars.size(), t.scalars);
   switch (p.home) {
     case Home::Registers:
       if (p.offset + t.scalars > p.variable->scalars.size()) fail("a store lies outside of its variable");

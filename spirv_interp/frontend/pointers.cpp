@@ -55,7 +55,7 @@ void Translator::findDynamicVariables() {
 void Translator::declareLocal(Variable& variable) {
   const TypeInfo& t = type(variable.type);
   localBytes_ += t.naturalSize;
-  if (t.scalars == 0 || t.naturalSize > kMaxLocalBytes || localBytes_ > kMaxLocalBytes)
+  if (!t.hasValue() || t.naturalSize > kMaxLocalBytes || localBytes_ > kMaxLocalBytes)
     fail("the shader's private arrays are too large");
   variable.home = Home::Local;
   variable.alloc = b.emit(Op::LocalAlloc, Type::I32, {}, t.naturalSize);

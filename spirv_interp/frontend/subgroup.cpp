@@ -160,8 +160,9 @@ void onReduce(Translator& t, const Instruction& inst, uint32_t aux) {
     case spv::GroupOperation::ExclusiveScan: kind = ScanKind::Exclusive; break;
     case spv::GroupOperation::ClusteredReduce: {
       uint64_t size = t.requireConstant(operandAt(t, inst, aux, 2), "cluster size");
-      if (!std::has_single_bit(size) || size > ir::kSubgroupLanes) fail("a cluster of %llu lanes", (unsigned long long)size);
-      clusterLog2 = uint32_t(std::countr_zero(size));
+      if (!std::has_single_bit(size)) fail("a cluster of %llu lanes", (unsigned long long)size);
+      // One larger than the subgroup may stand in code that is never reached.
+      clusterLog2 = uint32_t(std::countr_zero(std::min<uint64_t>(size, ir::kSubgroupLanes)));
       break;
     }
     default: fail("%s of an unknown kind", opcodeName(inst.op).c_str());

@@ -119,7 +119,7 @@ const Opaque& Translator::opaque(uint32_t id) const {
 
 void Translator::define(const Instruction& inst, std::vector<Value> scalars) {
   const TypeInfo& t = type(inst.resultType);
-  if (t.scalars == 0 || scalars.size() != t.scalars)
+  if (!t.hasValue() || scalars.size() != t.scalars)
     fail("%s gives %zu scalars where its type has %u", opcodeName(inst.op).c_str(), scalars.size(), t.scalars);
   Val v;
   v.kind = Val::Data;
@@ -267,7 +267,6 @@ void Translator::run(Stage wanted, std::string_view name) {
     if (isTypeOp(inst.op)) {
       translateType(inst);
     } else if (isConstantOp(inst.op)) {
-      if (inst.op == spv::Op::OpUndef && type(inst.resultType).scalars == 0) continue;
       translateConstant(inst);
     }
   }

@@ -69,6 +69,8 @@ struct TypeInfo {
   uint32_t depth = 0;
   uint64_t naturalSize = 0;          //!< bytes in our own layout (local and shared memory)
   uint32_t naturalAlign = 1;
+  //! Whether there are values of the type; an empty structure's have no scalars.
+  bool hasValue() const { return scalars != 0 || isEmpty; }
   const Instruction* image = nullptr;  //!< Image: the OpTypeImage
 };
 

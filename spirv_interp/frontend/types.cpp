@@ -173,6 +173,7 @@ void Translator::translateType(const Instruction& inst) {
 
 void Translator::flatten(uint32_t typeId, std::vector<Type>& out) const {
   const TypeInfo& t = type(typeId);
+  if (t.isEmpty) return;
   if (t.scalars == 0 || t.scalars > kMaxValueScalars || out.size() > kMaxValueScalars)
     fail("values of type %u (%u scalars) are not supported", typeId, t.scalars);
   switch (t.kind) {
@@ -183,7 +184,7 @@ void Translator::flatten(uint32_t typeId, std::vector<Type>& out) const {
       break;
     case TypeInfo::Struct:
       for (uint32_t member : t.members)
-        if (!type(member).isEmpty) flatten(member, out);
+        flatten(member, out);
       break;
     case TypeInfo::Pointer:
       if (t.scalars == 3)

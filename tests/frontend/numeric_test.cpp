@@ -57,7 +57,7 @@ void main() {
 
 //! The same of assembly: %x, %y and %z are uints; `body` makes words and stores them with $0 %value, $1 %value ...
 std::vector<uint32_t> assembly(const std::string& capabilities, const std::string& types, std::string body,
-                               std::vector<std::vector<uint32_t>> inputs, const char* version = "1.3") {
+                               std::vector<std::vector<uint32_t>> inputs, const char* version = "1.3", const std::string& decorations = "") {
   Buffers b(2);
   inputs.resize(3, std::vector<uint32_t>(kLanes));
   for (const auto& v : inputs) b[0].insert(b[0].end(), v.begin(), v.end());
@@ -84,6 +84,7 @@ OpDecorate %a DescriptorSet 0
 OpDecorate %a Binding 0
 OpDecorate %r DescriptorSet 0
 OpDecorate %r Binding 1
+)" + decorations + R"(
 %void = OpTypeVoid
 %fn = OpTypeFunction %void
 %bool = OpTypeBool
@@ -501,6 +502,71 @@ m[0][1] = F(x); m[1][0] = F(y); m[1][1] += F(z); m[0][0] -= F(x) * F(y);
       EXPECT_NEAR(f(r[i * 16]), det, 2e-4) << n;
       EXPECT_LT(f(r[i * 16 + 1]), 2e-5f) << n;
     }
+  }
+}
+
+//! The bits of the half that is nearest of those not farther from zero.
+uint32_t halfTowardsZero(double x) {
+  uint32_t sign = std::signbit(x) ? 0x8000 : 0;
+  double magnitude = std::fabs(x);
+  if (std::isinf(magnitude)) return sign | 0x7c00;
+  if (magnitude >= 65504) return sign | 0x7bff;
+  if (magnitude < 0x1p-14) return sign | uint32_t(magnitude * 0x1p24);
+  int e = std::ilogb(magnitude);
+  return sign | uint32_t(e + 15) << 10 | (uint32_t(std::ldexp(magnitude, 10 - e)) & 1023);
+}
+
+TEST(Numeric, ConversionToHalfWithGivenRounding) {
+  std::vector<uint32_t> x = floats(20, -3, 3), y = floats(21, -70000, 70000);
+  const float corners[] = {0, -0.0f, 65504, 65519.9f, 65520, -65536, 3e38f, INFINITY, -INFINITY, 0x1p-14f, 0x1.ffcp-15f, -0x1.fffp-15f,
+                           0x1p-24f, 0x1.8p-24f, 0x1.8p-25f, -1e-40f, 1.00048828125f, 1.0004883f, 2049, -2051};
+  for (size_t i = 0; i < std::size(corners); i++) x[i] = bits(corners[i]);
+  // Rounding may be given only where the half goes straight to memory.
+  auto r = assembly("OpCapability Float16\nOpCapability Float64\nOpCapability StorageBuffer16BitAccess", R"(
+%half = OpTypeFloat 16
+%double = OpTypeFloat 64
+%half2 = OpTypeVector %half 2
+%float2 = OpTypeVector %float 2
+%halves = OpTypeRuntimeArray %half2
+%block_h = OpTypeStruct %halves
+%ptr_block_h = OpTypePointer StorageBuffer %block_h
+%ptr_half2 = OpTypePointer StorageBuffer %half2
+%ptr_half = OpTypePointer StorageBuffer %half
+%rh = OpVariable %ptr_block_h StorageBuffer
+%tiny = OpConstant %double 1.0000000000001
+)", R"(
+%fx = OpBitcast %float %x
+%fy = OpBitcast %float %y
+%fxy = OpCompositeConstruct %float2 %fx %fy
+%i1 = OpIAdd %uint %i16 %n1
+%i2 = OpIAdd %uint %i16 %n2
+%to0 = OpAccessChain %ptr_half2 %rh %n0 %i16
+%to1 = OpAccessChain %ptr_half %rh %n0 %i1 %n0
+%to2 = OpAccessChain %ptr_half2 %rh %n0 %i2
+%h = OpFConvert %half2 %fxy
+OpStore %to0 %h
+%dx = OpFConvert %double %fx
+%dm = OpFMul %double %dx %tiny
+%hd = OpFConvert %half %dm
+OpStore %to1 %hd
+%near = OpFConvert %half2 %fxy
+OpStore %to2 %near
+%packed = OpExtInst %uint %glsl PackHalf2x16 %fxy
+$3 %packed
+)", {x, y}, "1.3", R"(
+OpDecorate %h FPRoundingMode RTZ
+OpDecorate %hd FPRoundingMode RTZ
+OpDecorate %near FPRoundingMode RTE
+OpDecorate %halves ArrayStride 4
+OpDecorate %block_h Block
+OpMemberDecorate %block_h 0 Offset 0
+OpDecorate %rh DescriptorSet 0
+OpDecorate %rh Binding 1
+)");
+  for (uint32_t i = 0; i < kLanes; i++) {
+    EXPECT_EQ(r[i * 16], halfTowardsZero(f(x[i])) | halfTowardsZero(f(y[i])) << 16) << f(x[i]) << " " << f(y[i]);
+    EXPECT_EQ(r[i * 16 + 1], halfTowardsZero(f(x[i]) * 1.0000000000001)) << f(x[i]);
+    EXPECT_EQ(r[i * 16 + 2], r[i * 16 + 3]);
   }
 }
 

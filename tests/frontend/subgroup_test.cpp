@@ -264,5 +264,15 @@ switch (i & 3u) {
   }
 }
 
+// A module for devices of any subgroup size may hold clusters larger than ours, in code that it does not reach here.
+TEST(Subgroup, ClustersLargerThanTheSubgroup) {
+  auto r = results("r(0) = 1; if (gl_SubgroupSize >= 64) r(0) = subgroupClusteredAdd(x, 64u); r(1) = subgroupClusteredAdd(1u, 32u);");
+  for (uint32_t l = 0; l < kLanes; l++) {
+    if (!isActive(l)) continue;
+    EXPECT_EQ(r[l][0], 1u);
+    EXPECT_EQ(r[l][1], fold(firstOf(l), endOf(l), 0u, [](uint32_t s, uint32_t) { return s + 1; }));
+  }
+}
+
 }  // namespace
 }  // namespace pumice::frontend
