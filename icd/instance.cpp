@@ -4,6 +4,7 @@
 
 #include "base/log.h"
 #include "entrypoints.h"
+#include "texture/pixel_routine.h"
 
 namespace pumice::icd {
 namespace {
@@ -95,6 +96,7 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyInstance(VkInstance handle, const VkAllocati
   if (auto* instance = from(handle)) {
     HostAllocator allocator = instance->allocator.orElse(callbacks);
     destroyObject(allocator, instance);
+    texture::forgetPixelRoutines();
   }
 }
 

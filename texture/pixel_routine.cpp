@@ -1,7 +1,9 @@
 #include "texture/pixel_routine.h"
 
 #include <algorithm>
+#include <cstddef>
 #include <mutex>
+#include <new>
 #include <unordered_map>
 
 #include "base/fpenv.h"
@@ -22,9 +24,11 @@ struct Registry {
   std::mutex mutex;
   std::unordered_map<RoutineKey, std::shared_ptr<const interp::Executable>, KeyHash> routines;
 };
+// Never destroyed, since threads may copy while the process already exits; what it holds goes with forgetPixelRoutines().
 Registry& registry() {
-  static Registry r;
-  return r;
+  alignas(Registry) static std::byte memory[sizeof(Registry)];
+  static Registry* const r = new (memory) Registry;
+  return *r;
 }
 
 }  // namespace
@@ -49,6 +53,13 @@ std::shared_ptr<const interp::Executable> pixelRoutine(const RoutineKey& key, co
   std::lock_guard lock(r.mutex);
   if (r.routines.size() >= kMaxRoutines) r.routines.clear();  // those in use live on with their users
   return r.routines.emplace(key, std::move(routine)).first->second;
+}
+
+void forgetPixelRoutines() {
+  Registry& r = registry();
+  decltype(r.routines) gone;
+  std::lock_guard lock(r.mutex);
+  gone.swap(r.routines);
 }
 
 void runPixels(base::ThreadPool& pool, const interp::Executable& routine, const interp::Table* tables, const PixelBox& box) {

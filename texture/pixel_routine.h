@@ -28,6 +28,9 @@ static_assert(sizeof(RoutineKey) == 12);
 //! Safe from several threads; the cache is bounded.
 std::shared_ptr<const interp::Executable> pixelRoutine(const RoutineKey& key, const std::function<void(ir::Builder&)>& build);
 
+//! Empties the cache (with the last instance, so that an unloaded driver leaves nothing).
+void forgetPixelRoutines();
+
 struct PixelBox {
   uint32_t x = 0, y = 0, z = 0;
   uint32_t width = 0, height = 0, depth = 1;

@@ -7,11 +7,13 @@
 
 #include <unistd.h>
 
+#include <atomic>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <thread>
 
 namespace pumice::cts {
 namespace {
@@ -56,6 +58,67 @@ void liveOnce(const std::string& name) {
                          {{0, 0.9f, 0, 1}, {0, 1, 0, 1}}});
   });
   ASSERT_EQ(picture.pixel(32, 24), (std::array<int, 4>{0, 255, 0, 255}));
+}
+
+// What a program's thread may still be doing while main() has returned: making pipelines, copying between formats.
+std::atomic<bool> failedAtExit{false};
+
+[[noreturn]] void exitAtWork() {
+  // Registered before the driver is loaded, so called after everything that the driver may have registered.
+  std::atexit([] {
+    usleep(300'000);
+    _exit(failedAtExit ? 3 : 0);
+  });
+  setenv("VK_ICD_FILENAMES", pumiceManifest().c_str(), 1);
+  auto* instance = new VulkanInstance(false);
+  auto* device = new Device(instance->find(testedDeviceName()));
+  auto* work = new Workspace(*device);
+  VkShaderModule module = work->shader(VK_SHADER_STAGE_COMPUTE_BIT, "#version 450\nlayout(local_size_x = 4) in;\nlayout(set = 0, binding = 0) buffer B { vec4 v[]; };\n"
+                                                                    "void main() { v[gl_GlobalInvocationID.x] = sin(v[gl_LocalInvocationIndex] * 2.0); }\n");
+  Buffer buffer = work->buffer(1024, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  Binding binding{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER};
+  binding.buffer = {buffer.handle, 0, VK_WHOLE_SIZE};
+  DescriptorSet set = work->descriptors({binding});
+  VkPipelineLayoutCreateInfo layoutInfo{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &set.layout, 0, nullptr};
+  VkPipelineLayout layout = VK_NULL_HANDLE;
+  check(vkCreatePipelineLayout(device->handle, &layoutInfo, nullptr, &layout), "vkCreatePipelineLayout");
+  ImageSpec spec;
+  spec.extent = {8, 8, 1};
+  Image from = work->image(spec);
+  spec.format = VK_FORMAT_R16G16B16A16_SFLOAT;
+  Image to = work->image(spec);
+  std::atomic<int> rounds{0};
+  std::thread worker([&] {
+    for (;; ++rounds) {
+      VkComputePipelineCreateInfo info{};
+      info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
+      info.stage = {VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, nullptr, 0, VK_SHADER_STAGE_COMPUTE_BIT, module, "main", nullptr};
+      info.layout = layout;
+      VkPipeline made = VK_NULL_HANDLE;
+      if (vkCreateComputePipelines(device->handle, VK_NULL_HANDLE, 1, &info, nullptr, &made) != VK_SUCCESS) failedAtExit = true;
+      try {
+        device->run([&](VkCommandBuffer commands) {
+          transition(commands, from, VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_GENERAL);
+          transition(commands, to, VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_GENERAL);
+          VkImageSubresourceLayers layers{VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
+          VkImageBlit blit{layers, {{0, 0, 0}, {8, 8, 1}}, layers, {{0, 0, 0}, {8, 8, 1}}};
+          vkCmdBlitImage(commands, from.handle, VK_IMAGE_LAYOUT_GENERAL, to.handle, VK_IMAGE_LAYOUT_GENERAL, 1, &blit, VK_FILTER_NEAREST);
+          vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, made);
+          vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set.handle, 0, nullptr);
+          vkCmdDispatch(commands, 1, 1, 1);
+        });
+      } catch (const std::exception&) {
+        failedAtExit = true;
+      }
+      vkDestroyPipeline(device->handle, made, nullptr);
+    }
+  });
+  while (rounds < 3) usleep(1000);
+  std::exit(0);  // `worker` and all it uses stay: this frame is never left
+}
+
+TEST(Lifecycle, ThreadsMayWorkWhileTheProcessExits) {
+  EXPECT_EXIT(exitAtWork(), testing::ExitedWithCode(0), "");
 }
 
 TEST(Lifecycle, AThousandCyclesLeaveNothing) {

@@ -1,9 +1,11 @@
 #include "spirv_interp/frontend/translator.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdarg>
 #include <iterator>
 #include <new>
+#include <type_traits>
 
 #include "spirv_interp/frontend/support.h"
 #include "spirv_interp/ir/checks.h"
@@ -34,11 +36,19 @@ std::optional<Stage> stageOf(spv::ExecutionModel model) {
   }
 }
 
-std::unordered_map<uint32_t, HandlerEntry> joinHandlers() {
-  std::unordered_map<uint32_t, HandlerEntry> all;
+// Sorted by opcode. Nothing to destroy: threads of the application may compile while the process already exits.
+struct Handlers {
+  std::array<const HandlerEntry*, 1024> entries{};
+  size_t count = 0;
+};
+static_assert(std::is_trivially_destructible_v<Handlers>);
+
+Handlers joinHandlers() {
+  Handlers all;
   for (auto table : {arithmeticHandlers(), compositeHandlers(), memoryHandlers(), imageHandlers(), controlHandlers(),
                      subgroupHandlers()})
-    for (const HandlerEntry& entry : table) all.emplace(uint32_t(entry.op), entry);
+    for (const HandlerEntry& entry : table) all.entries.at(all.count++) = &entry;
+  std::stable_sort(all.entries.begin(), all.entries.begin() + all.count, [](auto* a, auto* b) { return a->op < b->op; });
   return all;
 }
 
@@ -53,9 +63,10 @@ bool isTypeOp(spv::Op op) {
 }  // namespace
 
 const HandlerEntry* findHandler(spv::Op op) {
-  static const std::unordered_map<uint32_t, HandlerEntry> all = joinHandlers();
-  auto at = all.find(uint32_t(op));
-  return at == all.end() ? nullptr : &at->second;
+  static const Handlers all = joinHandlers();
+  const auto end = all.entries.begin() + all.count;
+  const auto at = std::lower_bound(all.entries.begin(), end, op, [](auto* entry, spv::Op wanted) { return entry->op < wanted; });
+  return at == end || (*at)->op != op ? nullptr : *at;
 }
 
 bool handledElsewhere(spv::Op op) {

@@ -1,8 +1,8 @@
 #include <array>
 #include <cstring>
-#include <memory>
 #include <mutex>
-#include <vector>
+#include <span>
+#include <type_traits>
 
 #include "base/env.h"
 #include "base/log.h"
@@ -29,11 +29,17 @@ constexpr size_t kTargetCount = std::size(kTargets);
 
 bool available(const Target& t) { return (int64_t(HWY_TARGETS) & hwy::SupportedTargets() & t.bit) != 0; }
 
-std::vector<Target> listTargets() {
-  std::vector<Target> list;
+// Nothing to destroy: threads may draw while the process already exits.
+struct TargetList {
+  Target targets[kTargetCount];
+  size_t count = 0;
+};
+
+TargetList listTargets() {
+  TargetList list{};
   for (const Named& n : kTargets)
     // Everything runs on the baseline, whatever Highway's detection says.
-    if (available(n.target) || (n.target.bit == HWY_STATIC_TARGET)) list.push_back(n.target);
+    if (available(n.target) || (n.target.bit == HWY_STATIC_TARGET)) list.targets[list.count++] = n.target;
   return list;
 }
 
@@ -52,8 +58,8 @@ const Target& chooseTarget() {
 }  // namespace
 
 std::span<const Target> availableTargets() {
-  static const std::vector<Target> list = listTargets();
-  return list;
+  static const TargetList list = listTargets();
+  return {list.targets, list.count};
 }
 
 const Target& defaultTarget() {
@@ -64,24 +70,24 @@ const Target& defaultTarget() {
 const KernelTable& kernelTable(const Target& target) {
   struct Entry {
     std::once_flag once;
-    std::unique_ptr<KernelTable> table;
+    KernelTable table;
   };
+  static_assert(std::is_trivially_destructible_v<Entry>);  // as above
   static std::array<Entry, kTargetCount> entries;
   size_t i = 0;
   while (i + 1 < kTargetCount && kTargets[i].target.bit != target.bit) i++;
   Entry& entry = entries[i];
   std::call_once(entry.once, [&] {
-    entry.table = std::make_unique<KernelTable>();
-    addFloatKernels(target.bit, *entry.table);
-    addIntKernels(target.bit, *entry.table);
-    addMoveKernels(target.bit, *entry.table);
-    addConvertKernels(target.bit, *entry.table);
-    addMemoryKernels(*entry.table);
-    addGatherKernels(target.bit, *entry.table);
-    addControlKernels(*entry.table);
-    addSubgroupKernels(*entry.table);
+    addFloatKernels(target.bit, entry.table);
+    addIntKernels(target.bit, entry.table);
+    addMoveKernels(target.bit, entry.table);
+    addConvertKernels(target.bit, entry.table);
+    addMemoryKernels(entry.table);
+    addGatherKernels(target.bit, entry.table);
+    addControlKernels(entry.table);
+    addSubgroupKernels(entry.table);
   });
-  return *entry.table;
+  return entry.table;
 }
 
 const char* interpreterTarget() { return defaultTarget().name; }

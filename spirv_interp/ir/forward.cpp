@@ -220,7 +220,7 @@ class Forwarder {
     std::vector<Outcome> last = undo(s.changes);
     const bool hasElse = s.op == Op::Else;
     const std::vector<Outcome>& first = hasElse ? s.thenOutcome : last;
-    static const std::vector<Outcome> kNone;
+    const std::vector<Outcome> kNone;
     merge(s.marker, first, hasElse ? s.thenDead : dead_, hasElse ? last : kNone, hasElse && dead_);
     dead_ = hasElse && s.thenDead && dead_;
   }
