@@ -181,6 +181,31 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilitiesKHR(VkPhysi
 
 VKAPI_ATTR VkResult VKAPI_CALL vkGetPhysicalDeviceSurfaceCapabilities2KHR(
     VkPhysicalDevice device, const VkPhysicalDeviceSurfaceInfo2KHR* info, VkSurfaceCapabilities2KHR* out) {
+  auto* asked = findInChain<VkSurfacePresentModeEXT>(info->pNext, VK_STRUCTURE_TYPE_SURFACE_PRESENT_MODE_EXT);
+  for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext) switch (s->sType) {
+      case VK_STRUCTURE_TYPE_SURFACE_PRESENT_SCALING_CAPABILITIES_EXT: {
+        // Pictures of another size are shown as far as they fit; nothing is scaled on demand.
+        auto& scaling = *reinterpret_cast<VkSurfacePresentScalingCapabilitiesEXT*>(s);
+        scaling.supportedPresentScaling = scaling.supportedPresentGravityX = scaling.supportedPresentGravityY = 0;
+        scaling.minScaledImageExtent = scaling.maxScaledImageExtent = {0, 0};
+        VkSurfaceCapabilitiesKHR own{};
+        if (capabilities(device, info->surface, own) == VK_SUCCESS) {
+          scaling.minScaledImageExtent = own.minImageExtent;
+          scaling.maxScaledImageExtent = own.maxImageExtent;
+        }
+        break;
+      }
+      case VK_STRUCTURE_TYPE_SURFACE_PRESENT_MODE_COMPATIBILITY_EXT: {
+        auto& compatible = *reinterpret_cast<VkSurfacePresentModeCompatibilityEXT*>(s);
+        VkPresentModeKHR modes[std::size(kPresentModes)];
+        uint32_t count = 0;
+        for (VkPresentModeKHR mode : kPresentModes)
+          if (!asked || modesCompatible(base(info->surface), asked->presentMode, mode)) modes[count++] = mode;
+        enumerate(count, &compatible.presentModeCount, compatible.pPresentModes, [&](uint32_t i, VkPresentModeKHR& m) { m = modes[i]; });
+        break;
+      }
+      default: break;
+    }
   return capabilities(device, info->surface, out->surfaceCapabilities);
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <mutex>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -155,7 +156,10 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
   texture::ImageLayout layout = texture::imageLayout(imageInfo(info));
   if (!layout.format || !layout.size) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   // MAILBOX wants one image to be shown, one queued and one to draw.
-  uint32_t count = std::max(info.minImageCount, info.presentMode == VK_PRESENT_MODE_MAILBOX_KHR ? 3u : 2u);
+  auto* modes = findInChain<VkSwapchainPresentModesCreateInfoEXT>(info.pNext, VK_STRUCTURE_TYPE_SWAPCHAIN_PRESENT_MODES_CREATE_INFO_EXT);
+  bool mailbox = info.presentMode == VK_PRESENT_MODE_MAILBOX_KHR;
+  for (uint32_t i = 0; modes && i < modes->presentModeCount; i++) mailbox |= modes->pPresentModes[i] == VK_PRESENT_MODE_MAILBOX_KHR;
+  uint32_t count = std::max(info.minImageCount, mailbox ? 3u : 2u);
   s.imageBytes = (layout.size + 4095) & ~uint64_t(4095);
   uint64_t bytes = 0;
   if (__builtin_mul_overflow(s.imageBytes, uint64_t(count), &bytes) || !s.device->reserve(bytes)) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
@@ -262,12 +266,25 @@ VKAPI_ATTR VkResult VKAPI_CALL vkAcquireNextImage2KHR(VkDevice, const VkAcquireN
   return acquire(info->swapchain, info->timeout, info->semaphore, info->fence, index);
 }
 
+// Acquired, but not to be shown.
+VKAPI_ATTR VkResult VKAPI_CALL vkReleaseSwapchainImagesEXT(VkDevice, const VkReleaseSwapchainImagesInfoEXT* info) {
+  Swapchain& s = *from(info->swapchain);
+  hub(s).update([&] {
+    for (uint32_t i = 0; i < info->imageIndexCount; i++) s.images[info->pImageIndices[i]].busy = false;
+  });
+  return s.lost ? VK_ERROR_SURFACE_LOST_KHR : VK_SUCCESS;
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentInfoKHR* info) {
   QueueWorker& worker = *from(queue)->worker;
   struct Item {
     Swapchain* swapchain;
     uint32_t index;
+    Fence* shown = nullptr;                  //!< signalled when the image has been handed over
+    std::optional<bool> fifo = std::nullopt; //!< a change of the present mode
   };
+  auto* fences = findInChain<VkSwapchainPresentFenceInfoEXT>(info->pNext, VK_STRUCTURE_TYPE_SWAPCHAIN_PRESENT_FENCE_INFO_EXT);
+  auto* modes = findInChain<VkSwapchainPresentModeInfoEXT>(info->pNext, VK_STRUCTURE_TYPE_SWAPCHAIN_PRESENT_MODE_INFO_EXT);
   std::vector<Item> items;
   VkResult result = VK_SUCCESS;
   try {
@@ -277,6 +294,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
     for (uint32_t i = 0; i < info->swapchainCount; i++) {
       Swapchain* s = from(info->pSwapchains[i]);
       items.push_back({s, info->pImageIndices[i]});
+      if (fences && i < fences->swapchainCount) items.back().shown = from(fences->pFences[i]);
+      if (modes && i < modes->swapchainCount) items.back().fifo = modes->pPresentModes[i] == VK_PRESENT_MODE_FIFO_KHR;
       s->observe(worker.hub());
       // Shown all the same: a window of another size shows what fits.
       VkResult one = worker.hub().read([&] {
@@ -290,7 +309,11 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
       if (one < 0 || result == VK_SUCCESS) result = one;
     }
     submission.work = [items, &worker] {
-      for (const Item& item : items) item.swapchain->present(worker.hub(), item.index);
+      for (const Item& item : items) {
+        if (item.fifo) item.swapchain->fifo = *item.fifo;
+        item.swapchain->present(worker.hub(), item.index);
+        if (item.shown) worker.hub().update([&] { item.shown->signaled = true; });
+      }
     };
     if (!worker.submit(std::move(submission))) throw std::bad_alloc();
     if (worker.hub().lost()) result = VK_ERROR_DEVICE_LOST;

@@ -36,6 +36,11 @@ class Window {
   virtual void throttle() {}
 };
 
+//! Whether a swapchain made for one present mode may show in another (VK_EXT_swapchain_maintenance1). A Wayland window
+//! asks for frame callbacks from its start, or not.
+inline bool modesCompatible(const VkIcdSurfaceBase& surface, VkPresentModeKHR a, VkPresentModeKHR b) {
+  return a == b || surface.platform != VK_ICD_WSI_PLATFORM_WAYLAND;
+}
 //! Present state of a surface (any thread, a short round trip).
 WindowState queryWindow(const VkIcdSurfaceBase& surface);
 //! Null when the window is gone or cannot be reached. Only the present mode and composite alpha are read.

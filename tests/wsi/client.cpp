@@ -13,7 +13,7 @@ constexpr uint64_t kPatience = 20'000'000'000;  // ns: nothing here takes so lon
 
 }  // namespace
 
-Client::Client(const std::vector<const char*>& surfaceExtensions) {
+Client::Client(const std::vector<const char*>& surfaceExtensions, const std::vector<const char*>& moreOfTheDevice) {
   std::vector<const char*> extensions = surfaceExtensions;
   extensions.push_back(VK_KHR_SURFACE_EXTENSION_NAME);
   VkInstanceCreateInfo info{VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO};
@@ -30,14 +30,15 @@ Client::Client(const std::vector<const char*>& surfaceExtensions) {
   VkDeviceQueueCreateInfo queueInfo{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO};
   queueInfo.queueCount = 1;
   queueInfo.pQueuePriorities = &priority;
-  const char* deviceExtensions[] = {
+  std::vector<const char*> deviceExtensions = {
       VK_KHR_SWAPCHAIN_EXTENSION_NAME, VK_KHR_SWAPCHAIN_MUTABLE_FORMAT_EXTENSION_NAME,
       VK_KHR_IMAGE_FORMAT_LIST_EXTENSION_NAME, VK_KHR_MAINTENANCE_2_EXTENSION_NAME};
+  deviceExtensions.insert(deviceExtensions.end(), moreOfTheDevice.begin(), moreOfTheDevice.end());
   VkDeviceCreateInfo deviceInfo{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO};
   deviceInfo.queueCreateInfoCount = 1;
   deviceInfo.pQueueCreateInfos = &queueInfo;
-  deviceInfo.enabledExtensionCount = std::size(deviceExtensions);
-  deviceInfo.ppEnabledExtensionNames = deviceExtensions;
+  deviceInfo.enabledExtensionCount = uint32_t(deviceExtensions.size());
+  deviceInfo.ppEnabledExtensionNames = deviceExtensions.data();
   if (vkCreateDevice(physical, &deviceInfo, nullptr, &device) != VK_SUCCESS)
     throw std::runtime_error("no device");
   vkGetDeviceQueue(device, 0, 0, &queue);

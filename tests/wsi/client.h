@@ -17,7 +17,7 @@ inline uint32_t patternColor(uint32_t x, uint32_t y, uint32_t seed) {
 class Client {
  public:
   //! Enables the surface extensions given, and VK_KHR_surface and VK_KHR_swapchain.
-  explicit Client(const std::vector<const char*>& surfaceExtensions);
+  explicit Client(const std::vector<const char*>& surfaceExtensions, const std::vector<const char*>& moreOfTheDevice = {});
   ~Client();
   Client(const Client&) = delete;
   template <typename Function>
