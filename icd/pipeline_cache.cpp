@@ -9,6 +9,7 @@
 #include "entrypoints.h"
 #include "icd/properties.h"
 #include "spirv_interp/frontend/shader_bytes.h"
+#include "spirv_interp/ir/checks.h"
 
 namespace pumice::icd {
 namespace {
@@ -72,8 +73,10 @@ ShaderKey wordsKey(std::span<const uint32_t> words) {
 
 ShaderKey shaderKey(const ShaderKey& words, frontend::Stage stage, std::string_view entryPoint, std::span<const frontend::SpecializationConstant> constants) {
   ShaderKey key;
+  // A shader that is watched is another shader: neither run may find the other's in its cache.
+  const uint64_t watched = ir::wantedChecks() & (ir::kCheckBounds | ir::kCheckNan | ir::kCheckUninit);
   for (uint64_t i = 0; i < key.size(); i++) {
-    uint64_t h = base::hashCombine(words[i], uint64_t(stage) | i << 32);
+    uint64_t h = base::hashCombine(words[i], uint64_t(stage) | i << 32 | watched << 40);
     h = base::hashCombine(h, base::hashBytes(entryPoint.data(), entryPoint.size(), i));
     for (const auto& c : constants) h = base::hashCombine(base::hashCombine(h, c.id), base::hashBytes(c.data.data(), c.data.size(), i));
     key[i] = h;

@@ -15,7 +15,7 @@
 
 namespace pumice::icd {
 
-//! Of SPIR-V words, stage, entry point and specialization.
+//! Of SPIR-V words, stage, entry point, specialization, and what PUMICE_CHECK asks for.
 using ShaderKey = std::array<uint64_t, 2>;
 ShaderKey shaderKey(const ShaderKey& words, frontend::Stage stage, std::string_view entryPoint, std::span<const frontend::SpecializationConstant> constants);
 ShaderKey wordsKey(std::span<const uint32_t> words);

@@ -2,6 +2,7 @@
 // data does no harm.
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <cstring>
 
 #include "tests/icd/graphics.h"
@@ -108,6 +109,20 @@ TEST(PipelineCache, ASecondDeviceTranslatesNothing) {
   EXPECT_EQ(other.stages[0].flags, kValid | kHit);
   EXPECT_EQ(other.stages[1].flags, VkPipelineCreationFeedbackFlags(kValid));
   EXPECT_EQ(make(d, VK_NULL_HANDLE, kRefuse).result, VK_PIPELINE_COMPILE_REQUIRED) << "without a cache";
+  VK(vkDestroyPipelineCache)(d.handle, cache, nullptr);
+}
+
+// With PUMICE_CHECK shaders hold instructions that others do not: neither may be found for the other.
+TEST(PipelineCache, AWatchedShaderIsAnotherOne) {
+  TestDevice d;
+  VkPipelineCache cache = makeCache(d);
+  EXPECT_FALSE(make(d, cache).whole.flags & kHit);
+  EXPECT_TRUE(make(d, cache).whole.flags & kHit);
+  ::setenv("PUMICE_CHECK", "bounds", 1);
+  EXPECT_FALSE(make(d, cache).whole.flags & kHit);
+  EXPECT_TRUE(make(d, cache).whole.flags & kHit);
+  ::unsetenv("PUMICE_CHECK");
+  EXPECT_TRUE(make(d, cache).whole.flags & kHit);
   VK(vkDestroyPipelineCache)(d.handle, cache, nullptr);
 }
 
