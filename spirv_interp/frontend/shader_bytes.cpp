@@ -6,6 +6,10 @@
 namespace pumice::frontend {
 namespace {
 
+// A new field of these belongs into fields() below, and changes the version. (One that fits into padding is not noticed.)
+static_assert(sizeof(ir::Inst) == 24 && sizeof(ir::ImageOpInfo) == 28 && sizeof(ir::Function) == 112 && sizeof(InterfaceVariable) == 40 &&
+              sizeof(Resource) == 32 && sizeof(Shader) == 264);
+
 // One description of the fields serves both directions.
 class Writer {
  public:
