@@ -23,6 +23,8 @@ namespace pumice::base {
   X(PerfMap, "PUMICE_PERF_MAP", "1 or 0", "0", "write /tmp/perf-PID.map, so that perf names the routines in its reports") \
   X(Dump, "PUMICE_DUMP", "ir, asm or ir,asm", "nothing", "print routines as they are compiled")      \
   X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did") \
+  X(Disable, "PUMICE_DISABLE", "names of ideas; commas between", "nothing",                  \
+    "turn off ideas that save work; pictures stay the same to the bit")                           \
   X(Check, "PUMICE_CHECK", "bounds, nan, uninit; commas between", "nothing",                      \
     "report what shaders do wrong, with line and invocation (slow)")                              \
   X(Watchdog, "PUMICE_WATCHDOG_SECONDS", "1 to 86400", "no limit",                                \

@@ -140,6 +140,12 @@ bool writesColor(const GraphicsState& s, uint32_t attachment) {
   return std::any_of(words.begin(), words.end(), [](uint32_t w) { return w != 0; });
 }
 
+bool replacesColor(const GraphicsState& s, uint32_t attachment) {
+  if (!writesColor(s, attachment)) return false;
+  const FormatInfo& f = *texture::formatInfo(s.colorFormats[attachment]);
+  return !blends(s, f, attachment) && !appliesLogic(s, f) && coversAll(f, writeMask(s, attachment));
+}
+
 void writeColor(ir::Builder& b, const GraphicsState& s, uint32_t attachment, uint32_t sample, const Texel& given, const Texel& given1) {
   if (!writesColor(s, attachment)) return;
   const FormatInfo& f = *texture::formatInfo(s.colorFormats[attachment]);

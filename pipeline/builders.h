@@ -13,6 +13,7 @@ class GraphicsPipeline {
   std::shared_ptr<const frontend::Shader> vertex, fragment;   //!< fragment may be null: depth only
   StageLink link;
   ImageUses vertexImages, fragmentImages;
+  VisibilityTraits visibility;
   Variants<VertexKey, VertexRoutine> vertexVariants;
   Variants<FragmentKey, FragmentRoutine> fragmentVariants;
 };
@@ -35,6 +36,7 @@ class ComputePipeline {
 
 base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
 base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
+VisibilityTraits visibilityTraits(const GraphicsPipeline& pipeline);
 base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
 
 //! A vertex attribute as the shader sees it: four components of the location's format, f32 or (integer formats) i32.
@@ -53,5 +55,7 @@ void writeColor(ir::Builder& b, const GraphicsState& state, uint32_t attachment,
                 const texture::Texel& source1);
 //! False when nothing of the attachment is ever written.
 bool writesColor(const GraphicsState& state, uint32_t attachment);
+//! True when what is written does not depend on what was there.
+bool replacesColor(const GraphicsState& state, uint32_t attachment);
 
 }  // namespace pumice::pipeline

@@ -270,9 +270,20 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   if (!vertex) return;
   auto record = std::make_unique<DrawRecord>();
   if (!fixed.rasterizerDiscard) {
-    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics || query);
+    const VisibilityTraits& v = pipeline.visibility;
+    record->visibility = &v;
+    record->unitClamp = !fixed.depthClamp && (fixed.depthBias || !fixed.depthClip);
+    bool ordered = true;   // no NaN
+    for (uint32_t i = 0; i < fixed.viewportCount; ++i) {
+      const VkViewport& viewport = i ? state.furtherViewports[i - 1] : state.viewport;
+      ordered &= viewport.minDepth == viewport.minDepth && viewport.maxDepth == viewport.maxDepth;
+    }
+    // A statistics query counts invocations as if nothing were saved.
+    record->settled = v.opaque && ordered && (!v.depth.test || depthKind) && fixed.samples == samples && !query &&
+                      !(disabled & bit(Idea::VisibleFirst));
+    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics || query, record->settled);
     if (!record->fragment || !fits(fixed)) return;
-    if (!record->fragment->present && !lookedAt) return;
+    if (!record->fragment->present && !occlusion && !lookedAt) return;
     if (pipeline.link.viewportRow < 0 && isEmpty(intersect(state.scissor, pass.renderArea)) && !lookedAt) return;
     for (uint32_t v = 0; v < fixed.viewportCount; ++v) {
       const VkViewport& viewport = v ? state.furtherViewports[v - 1] : state.viewport;
@@ -352,6 +363,7 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   setup.depthFormat = fixed.depthStencilFormat;
   setup.lineWidth = state.lineWidth;
   setup.samples = fixed.samples;
+  setup.cellRecords = true;
   if (record.fragment) setup.varyings = record.fragment->varyings;
 
   const interp::UniformBank bank = vertex.code->preamble(record.tables);

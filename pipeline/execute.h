@@ -62,12 +62,15 @@ struct PassBegin {
   VkResolveModeFlagBits depthResolve = VK_RESOLVE_MODE_NONE, stencilResolve = VK_RESOLVE_MODE_NONE;
 };
 
-//! Counters of a pass. Those marked * are counted only when statistics are asked for.
+//! Counters of a pass. Those marked * are counted only when statistics are asked for; without them fragments that Hi-Z rejects in bulk
+//! are not counted as covered.
 struct PassCounters {
   uint64_t draws = 0, verticesShaded = 0, verticesReused = 0, primitives = 0, quads = 0, tilesTouched = 0;
   uint64_t fragmentsCovered = 0;                                   //!< pixels (or samples, where these are shaded) with coverage
   uint64_t fragmentsShaded = 0;                                    //!< * fragment shader invocations without helpers
   uint64_t samplesTested = 0, samplesPassed = 0;                   //!< * samples of fragments; written ones
+  uint64_t samplesRejected = 0;                                    //!< * failed by Hi-Z alone
+  uint64_t samplesHidden = 0;                                      //!< * passed, but hidden by a later one before they were shaded
   uint64_t varyingsInterpolated = 0, varyingsDropped = 0;          //!< scalars: read by fragment shaders of the draws; written but not read
   uint64_t bytesCleared = 0, bytesLoaded = 0, bytesStored = 0;     //!< of attachments, by load and store operations, in tiles that were worked on
   raster::SetupCounters setup;
@@ -101,6 +104,8 @@ class PassExecutor {
   void end();
   //! From the next pass on: count everything, at some cost (routines are variants that count). PUMICE_STATS=1 does, and prints.
   void collectStatistics(bool on);
+  //! Turns ideas (pipeline/ideas.h) off and the others on; between passes. At the start: as PUMICE_DISABLE says.
+  void disable(uint32_t ideas);
   const PassCounters& counters() const;   //!< of the last finished pass
   struct Impl;   //!< pass_impl.h
  private:

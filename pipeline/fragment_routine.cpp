@@ -6,8 +6,12 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <set>
 
+#include "base/log.h"
 #include "pipeline/builders.h"
+#include "pipeline/ideas.h"
+#include "spirv_interp/ir/one_record.h"
 
 namespace pumice::pipeline {
 
@@ -247,6 +251,49 @@ Value clampDepth(ir::Builder& b, const GraphicsPipeline& pipeline, Value depth, 
 
 }  // namespace
 
+VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {
+  VisibilityTraits v;
+  const GraphicsState& s = p.state;
+  const frontend::Shader* shader = p.fragment.get();
+  const ShaderTraits t = traits(s, shader);
+  const texture::FormatInfo* f = texture::formatInfo(s.depthStencilFormat);
+  const bool hasDepth = f && f->hasDepth(), hasStencil = f && f->hasStencil();
+  const uint32_t all = (1u << s.samples) - 1;
+  v.sampleMask = s.sampleMask & all;
+  v.depth.test = hasDepth && s.depthTest;
+  v.depth.write = v.depth.test && s.depthWrite;
+  v.depth.compare = s.depthCompare;
+  v.planeDepth = !(shader && shader->writesDepth);
+  // The oracle has depths of its own.
+  if (s.numerics != ir::Numerics::F32 || (hasStencil && s.stencilTest) || (hasDepth && s.depthBoundsTest)) return v;
+  v.hiZ = v.depth.test && v.planeDepth && !(shader && shader->writesMemory);
+  if (!t.early || t.perSample || t.guarded || s.alphaToCoverage || t.writesSampleMask) return v;
+  if (shader) {
+    if (shader->writesMemory || shader->mayDiscard || shader->writesDepth) return v;
+    std::set<uint32_t> written;
+    for (uint64_t imm : writtenOutputs(*shader)) {
+      const frontend::InterfaceVariable& o = shader->outputs[imm >> 32];
+      if (!o.builtIn && o.index == 0) written.insert(place(o, uint32_t(imm)).location);
+    }
+    for (uint32_t a = 0; a < s.colorCount; ++a) {
+      if (!writesColor(s, a) || !written.count(a)) continue;
+      if (!replacesColor(s, a)) return v;
+      v.colors |= uint8_t(1u << a);
+    }
+    // What tells the visible part of a primitive from the rest of it.
+    for (const ir::Inst& i : shader->function.insts) {
+      const uint32_t builtIn = uint32_t(i.imm >> 32);
+      if (i.op == Op::Builtin && (builtIn == kSampleMask || builtIn == kHelperInvocation)) return v;
+      if (i.op == Op::HelperMask || (i.op >= Op::SubgroupAny && i.op <= Op::SubgroupReduce)) return v;
+    }
+    if (s.samples > 1)
+      for (const frontend::InterfaceVariable& i : shader->inputs)
+        if (i.sampling == frontend::SampleLocation::Centroid) return v;
+  }
+  v.opaque = v.colors || v.depth.test;
+  return v;
+}
+
 static std::string pixelText(const interp::ExecContext& context, uint32_t lane) {
   raster::RecordHeader header;
   std::memcpy(&header, context.quadRecords[lane / 4], sizeof header);
@@ -280,7 +327,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const Value sampleNumber = t.perSample ? b.input(Type::I32, kSlotSample) : 0;
   const auto sampleBit = [&](uint32_t s) { return t.perSample ? b.shl(b.i32(1), sampleNumber) : b.i32(1u << s); };
   const bool masked = (state.sampleMask & allSamples) != allSamples;
-  if (masked) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
+  if (masked && !key.settled) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
   const Value passed = key.countSamples ? b.var(Type::I32) : 0;
   const Value shaded = key.statistics ? b.var(Type::I32) : 0;
 
@@ -296,13 +343,15 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   std::vector<Value> live(samples, 0);   // 0: all active lanes
   for (uint32_t s = 0; s < samples; ++s) {
     if (samples > 1) live[s] = b.ine(b.and_(coverage, b.i32(1u << s)), b.i32(0));
-    else if (t.needsHelpers || masked || t.perSample) live[s] = b.ine(coverage, b.i32(0));
-    if (t.early) live[s] = testSample(b, state, s, live[s], depthAt(s));
+    else if (t.needsHelpers || (masked && !key.settled) || t.perSample) live[s] = b.ine(coverage, b.i32(0));
+    if (t.early && !key.settled) live[s] = testSample(b, state, s, live[s], depthAt(s));
   }
   Value any = live[0];
   for (uint32_t s = 1; s < samples; ++s) any = b.maskOr(any, live[s]);
 
-  const Value run = any && t.needsHelpers ? quadAny(b, any) : any;
+  // A row of settled fragments holds no quad for nothing, and where no helpers are needed no lane.
+  if (key.settled && !t.needsHelpers) any = 0;
+  const Value run = key.settled ? 0 : any && t.needsHelpers ? quadAny(b, any) : any;
   if (run) b.beginIf(run);
   if (shader) {
     if (shaded) b.set(shaded, any ? b.select(any, b.i32(1), b.i32(0)) : b.i32(1));
@@ -331,7 +380,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
       const Value number = t.perSample ? b.convert(Op::SToF, Type::F32, sampleNumber) : b.f32(float(s));
       live[s] = both(b, live[s], b.fle(b.fmul(b.fadd(number, b.f32(0.5f)), b.f32(1.0f / float(state.samples))), alpha));
     }
-    if (!t.early) live[s] = testSample(b, state, s, live[s], shaderDepth ? shaderDepth : depthAt(s));
+    if (!t.early && !key.settled) live[s] = testSample(b, state, s, live[s], shaderDepth ? shaderDepth : depthAt(s));
     const bool guarded = live[s] && live[s] != run;
     if (guarded) b.beginIf(live[s]);
     for (uint32_t a = 0; a < state.colorCount; ++a)
@@ -351,6 +400,20 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   for (uint32_t a = 0; a < state.colorCount; ++a) effects |= expander.writes(a);
   routine->present = effects;
 
+  const auto reads = [](const ir::Inst& i) { return i.op == Op::QuadLoad; };
+  if (key.oneRecord) {
+    for (ir::Inst& i : f.insts)
+      if (reads(i)) i.imm |= ir::kOneRecord;
+  } else if (key.numerics == ir::Numerics::F32 && !(disabledIdeas() & bit(Idea::OneRecord)) && std::any_of(f.insts.begin(), f.insts.end(), reads) &&
+             std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
+    routine->sibling = std::make_unique<FragmentRoutine::Sibling>();
+    routine->sibling->make = [&pipeline, other = key]() mutable -> std::unique_ptr<FragmentRoutine> {
+      other.oneRecord = true;
+      auto made = buildFragmentRoutine(pipeline, other);
+      if (!made) base::logError("fragment routine for one record: %s", made.error().message.c_str());
+      return made ? std::make_unique<FragmentRoutine>(std::move(**made)) : nullptr;
+    };
+  }
   auto code = finishRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText});
   if (!code) return std::move(code).error();
   routine->code = std::move(code).value();

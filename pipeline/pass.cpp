@@ -20,17 +20,6 @@ VkRect2D intersect(const VkRect2D& a, const VkRect2D& b) {
   return {{int32_t(x0), int32_t(y0)}, {uint32_t(x1 - x0), uint32_t(y1 - y0)}};
 }
 
-void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
-                    const VkClearValue& value) {
-  const texture::FormatInfo* format = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
-  if (!format || !(format->aspects() & aspect) || baseLayer >= a.layerCount) return;
-  std::byte element[32];
-  texture::packClearValue(*format, aspect, value, element);
-  const bool slices = a.memory.layout->type == VK_IMAGE_TYPE_3D;   // a view's layers are the image's depth slices
-  for (uint32_t l = baseLayer; l < baseLayer + std::min(layerCount, a.layerCount - baseLayer); ++l)
-    texture::fillRect(a.memory, aspect, a.level, slices ? 0 : a.baseLayer + l, slices ? a.baseLayer + l : 0, rect, element);
-}
-
 namespace {
 
 AttachmentPlane planeOf(const Attachment& a, VkImageAspectFlags aspect) {
@@ -50,13 +39,43 @@ AttachmentPlane planeOf(const Attachment& a, VkImageAspectFlags aspect) {
 
 }  // namespace
 
+void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
+                    const VkClearValue& value) {
+  const texture::FormatInfo* format = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
+  if (!format || !(format->aspects() & aspect) || baseLayer >= a.layerCount) return;
+  std::byte element[32];
+  texture::packClearValue(*format, aspect, value, element);
+  const bool slices = a.memory.layout->type == VK_IMAGE_TYPE_3D;   // a view's layers are the image's depth slices
+  for (uint32_t l = baseLayer; l < baseLayer + std::min(layerCount, a.layerCount - baseLayer); ++l)
+    texture::fillRect(a.memory, aspect, a.level, slices ? 0 : a.baseLayer + l, slices ? a.baseLayer + l : 0, rect, element);
+}
+
+namespace {
+
+std::optional<raster::DepthKind> kindOf(VkFormat format) {
+  const texture::FormatInfo* f = texture::formatInfo(format);
+  if (!f) return std::nullopt;
+  const texture::Component& c = f->rgba[0];
+  if (c.numeric == texture::Numeric::Sfloat && c.bits == 32) return raster::DepthKind::Float32;
+  if (c.numeric != texture::Numeric::Unorm) return std::nullopt;
+  if (c.bits == 16) return raster::DepthKind::Unorm16;
+  if (c.bits == 24) return raster::DepthKind::Unorm24;
+  return std::nullopt;
+}
+
+}  // namespace
+
 PassExecutor::Impl::Impl(base::ThreadPool& threads) : pool(threads), stats(base::envFlag(base::EnvVar::Stats, false)) {
-  for (unsigned i = 0; i < pool.workerCount(); ++i) {
-    front.push_back(std::make_unique<FrontWorker>());
-    tileWorkers.push_back(std::make_unique<TileWorker>(*this));
-  }
+  for (unsigned i = 0; i < pool.workerCount(); ++i) front.push_back(std::make_unique<FrontWorker>());
+  disable(disabledIdeas());
 }
 PassExecutor::Impl::~Impl() = default;
+
+void PassExecutor::Impl::disable(Ideas ideas) {
+  disabled = ideas;
+  tileWorkers.clear();
+  for (unsigned i = 0; i < pool.workerCount(); ++i) tileWorkers.push_back(std::make_unique<TileWorker>(*this, ideas));
+}
 
 void PassExecutor::Impl::begin(const PassBegin& given) {
   pass = given;
@@ -74,6 +93,8 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
     if (pass.color[a].memory.layout) samples = pass.color[a].memory.layout->samples;
   }
   depth = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_DEPTH_BIT);
+  depthKind = depth.base ? kindOf(pass.depthStencil.format) : std::nullopt;
+  if (depthKind && pass.depthStencil.memory.layout->plane(VK_IMAGE_ASPECT_DEPTH_BIT).elementBytes != raster::depthBytes(*depthKind)) depthKind.reset();
   stencil = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_STENCIL_BIT);
   if (pass.depthStencil.memory.layout) samples = pass.depthStencil.memory.layout->samples;
   pass.layers = std::max(pass.layers, 1u);
@@ -202,17 +223,7 @@ void PassExecutor::Impl::end() {
     w->setup = {};
     w->shaded = w->reused = 0;
   }
-  for (auto& w : tileWorkers) {
-    counters.quads += w->quads;
-    counters.fragmentsCovered += w->fragments;
-    counters.fragmentsShaded += w->shaded;
-    counters.samplesTested += w->tested;
-    counters.samplesPassed += w->passed;
-    counters.bytesCleared += w->cleared;
-    counters.bytesLoaded += w->loaded;
-    counters.bytesStored += w->stored;
-    w->quads = w->fragments = w->shaded = w->tested = w->passed = w->cleared = w->loaded = w->stored = 0;
-  }
+  for (auto& w : tileWorkers) w->takeCounters(counters);
   if (stats) printCounters();
 }
 
@@ -237,12 +248,12 @@ void PassExecutor::Impl::printCounters() const {
   const auto n = [](uint64_t v) { return static_cast<unsigned long long>(v); };
   std::fprintf(stderr,
                "pumice: stats: pass %ux%u: %llu draws, %llu vertices (%llu reused), %llu primitives of %llu (clipped %llu, facing away %llu, "
-               "no area %llu, outside %llu, no sample %llu), %llu tiles, %llu quads, %llu fragments, %llu shaded, %llu samples (%llu failed), "
+               "no area %llu, outside %llu, no sample %llu), %llu tiles, %llu quads, %llu fragments, %llu shaded, %llu samples (%llu failed, %llu of them by Hi-Z, %llu hidden before they were shaded), "
                "%llu varyings (%llu dropped), bytes cleared %llu, loaded %llu, stored %llu\n",
                pass.width, pass.height, n(c.draws), n(c.verticesShaded), n(c.verticesReused), n(c.primitives), n(c.setup.input),
                n(c.setup.clippedAway), n(c.setup.culledFace), n(c.setup.culledZeroArea), n(c.setup.culledOutside), n(c.setup.culledNoSample),
                n(c.tilesTouched), n(c.quads), n(c.fragmentsCovered), n(c.fragmentsShaded), n(c.samplesTested),
-               n(c.samplesTested - c.samplesPassed), n(c.varyingsInterpolated), n(c.varyingsDropped), n(c.bytesCleared), n(c.bytesLoaded),
+               n(c.samplesTested - c.samplesPassed), n(c.samplesRejected), n(c.samplesHidden), n(c.varyingsInterpolated), n(c.varyingsDropped), n(c.bytesCleared), n(c.bytesLoaded),
                n(c.bytesStored));
 }
 
@@ -257,6 +268,7 @@ void PassExecutor::beginStatistics(PipelineStatistics* to) { impl_->query = to; 
 void PassExecutor::endStatistics() { impl_->query = nullptr; }
 void PassExecutor::end() { impl_->end(); }
 void PassExecutor::collectStatistics(bool on) { impl_->collect = on; }
+void PassExecutor::disable(uint32_t ideas) { impl_->disable(ideas); }
 const PassCounters& PassExecutor::counters() const { return impl_->counters; }
 
 }  // namespace pumice::pipeline

@@ -1,22 +1,26 @@
 // The state of a render pass between begin() and end(). Internal to pipeline/.
 #pragma once
 
+#include <algorithm>
 #include <deque>
+#include <mutex>
 #include <optional>
 
 #include "base/arena.h"
 #include "pipeline/builders.h"
 #include "pipeline/execute.h"
+#include "pipeline/ideas.h"
 
 namespace pumice::pipeline {
 
 //! Bytes of primitives and draws that a pass collects before its tiles are finished in between.
-constexpr uint64_t kBinBudget = uint64_t(256) << 20;
-constexpr uint64_t kArenaKept = uint64_t(64) << 20;   //!< what an arena may keep from pass to pass
+constexpr uint64_t kBinBudget = uint64_t(128) << 20;
+constexpr uint64_t kArenaKept = uint64_t(96) << 20;   //!< what an arena may keep from pass to pass
 
 //! A draw, or a clear in the middle of a pass: what a bin entry's number refers to.
 struct DrawRecord {
   bool isClear = false;
+  bool settled = false;          //!< part of opaque runs: its routine shades what is visible
   // Draws
   std::shared_ptr<GraphicsPipeline> pipeline;
   std::shared_ptr<const FragmentRoutine> fragment;
@@ -24,7 +28,17 @@ struct DrawRecord {
   std::byte push[kMaxPushBytes];
   interp::Tables tables;
   interp::UniformBank bank;
+  std::once_flag oneRecordOnce;  //!< guards the making of:
+  interp::UniformBank oneRecordBank;   //!< for fragment->forOneRecord()
   raster::DepthRange depthRanges[raster::kMaxViewports];
+  const VisibilityTraits* visibility = nullptr;   //!< the pipeline's
+  bool unitClamp = false;        //!< depths are clamped to [0, 1], not to the viewport's range
+  //! What depths of a primitive in the viewport are clamped to; ordered.
+  raster::DepthRange clamp(uint32_t viewport) const {
+    if (unitClamp) return {};
+    const raster::DepthRange& r = depthRanges[viewport];
+    return {std::min(r.low, r.high), std::max(r.low, r.high)};
+  }
   uint64_t* occlusion = nullptr;
   PipelineStatistics* query = nullptr;
   // Clears
@@ -53,6 +67,8 @@ struct PassExecutor::Impl {
   bool open = false;
   uint32_t samples = 1;
   AttachmentPlane colorPlanes[kMaxColorAttachments], depth, stencil;
+  std::optional<raster::DepthKind> depthKind;   //!< how depth is stored, if tiles can deal with it
+  Ideas disabled;
   std::deque<std::unique_ptr<DrawRecord>> draws;
   std::optional<raster::Bins> bins;
   uint64_t collected = 0;        //!< bytes since the last flush
@@ -70,6 +86,7 @@ struct PassExecutor::Impl {
   void end();
   //! Finishes the tiles for what was collected. Draws before the last one are forgotten.
   void flush();
+  void disable(Ideas ideas);
 
  private:
   bool fits(const GraphicsState& state) const;

@@ -5,6 +5,7 @@
 #include "base/fpenv.h"
 #include "base/log.h"
 #include "pipeline/builders.h"
+#include "pipeline/ideas.h"
 #include "texture/builders.h"
 
 namespace pumice::pipeline {
@@ -107,8 +108,10 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   if (!v) return in("vertex", std::move(v));
   p->vertexVariants.insert(vertexKey, std::move(v).value());
   if (!p->state.rasterizerDiscard) {
+    p->visibility = visibilityTraits(*p);
     FragmentKey key;
     key.numerics = p->state.numerics;
+    key.settled = p->visibility.opaque && !(disabledIdeas() & bit(Idea::VisibleFirst));
     if (p->fragment) key.images = p->fragmentImages.plausible(*p->fragment, *p->layout);
     auto f = buildFragmentRoutine(*p, key);
     if (!f) return in("fragment", std::move(f));
@@ -157,13 +160,26 @@ std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& p, const Dr
   return findOrMake(p.vertexVariants, key, "vertex", [&] { return buildVertexRoutine(p, key); });
 }
 
-std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples, bool statistics) {
+std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples, bool statistics, bool settled) {
   FragmentKey key;
   key.numerics = p.state.numerics;
-  key.countSamples = countSamples || statistics;
+  key.settled = settled;
+  key.countSamples = (countSamples || statistics) && !settled;
   key.statistics = statistics;
   if (p.fragment) key.images = p.fragmentImages.read(*p.fragment, *p.layout, draw.setMemory, draw.setSize);
   return findOrMake(p.fragmentVariants, key, "fragment", [&] { return buildFragmentRoutine(p, key); });
+}
+
+const FragmentRoutine* FragmentRoutine::forOneRecord() const {
+  constexpr uint32_t kRows = 256;   // of 128 lanes: some 30,000 pixels, which cost more than to compile
+  if (!sibling) return nullptr;
+  if (const FragmentRoutine* ready = sibling->ready.load(std::memory_order_acquire)) return ready;
+  if (sibling->rows.load(std::memory_order_relaxed) > kRows || sibling->rows.fetch_add(1, std::memory_order_relaxed) < kRows) return nullptr;
+  std::call_once(sibling->once, [&] {
+    sibling->routine = sibling->make();
+    sibling->ready.store(sibling->routine.get(), std::memory_order_release);
+  });
+  return sibling->ready.load(std::memory_order_acquire);
 }
 
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& p, const DispatchState& dispatch) {

@@ -1,8 +1,13 @@
 // Routines: shader plus the fixed function around it as one piece of lane IR, made for the exact state of a draw.
 #pragma once
 
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+
 #include "pipeline/execute.h"
-#include "raster/tiles.h"
+#include "raster/visibility.h"
 #include "spirv_interp/interpreter/executor.h"
 
 namespace pumice::pipeline {
@@ -27,6 +32,8 @@ struct FragmentKey {
   ir::Numerics numerics = ir::Numerics::F32;
   bool countSamples = false;                //!< an occlusion query is open
   bool statistics = false;                  //!< shader invocations are counted too
+  bool settled = false;                     //!< depth is tested before: coverage is what is visible (opaque runs)
+  bool oneRecord = false;                   //!< all quads of a row have the same record
   uint8_t depthTiled = 1;
   std::vector<ImageState> images;
   bool operator==(const FragmentKey&) const = default;
@@ -47,6 +54,17 @@ struct VertexRoutine {
 //! With `perSample` it shades one sample: 0 and 1 are that sample's place, 3 = its number (i32), 4 and 5 = the pixel's
 //! centre, planes of sample 0 are that sample's, and bit 0 of the output is its result.
 struct FragmentRoutine {
+  //! The same for rows whose quads have one record: what is read from it is then one value for all lanes. Made when so many rows of the
+  //! kind have come that it pays. Null until then, and where it does not pay. May be called by any number of threads.
+  const FragmentRoutine* forOneRecord() const;
+  struct Sibling {
+    std::once_flag once;
+    std::atomic<uint32_t> rows{0};
+    std::atomic<const FragmentRoutine*> ready{nullptr};
+    std::unique_ptr<FragmentRoutine> routine;
+    std::function<std::unique_ptr<FragmentRoutine>()> make;   //!< null if it cannot be made
+  };
+  std::unique_ptr<Sibling> sibling;
   std::unique_ptr<interp::Executable> code;
   std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
   bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes
@@ -62,7 +80,17 @@ static_assert(stencilPlane(15, 16) < interp::kMaxTilePlanes);
 
 //! Find or make the routine for a draw. Thread-safe; null (and a reason logged once) if it cannot be made.
 std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& pipeline, const DrawState& draw);
-std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples, bool statistics);
+std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& pipeline, const DrawState& draw, bool countSamples, bool statistics, bool settled);
+
+//! What a pipeline's fragments allow the tiles to do before they are shaded (docs/architecture.md, "Visible first").
+struct VisibilityTraits {
+  bool opaque = false;          //!< may be part of an opaque run
+  bool hiZ = false;             //!< fragments that fail the depth test have no effect
+  bool planeDepth = true;       //!< writes no depth but its plane's
+  uint8_t colors = 0;           //!< bit per attachment that is written. Draws of a run write the same ones
+  uint32_t sampleMask = ~0u;
+  raster::DepthTest depth;
+};
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {
   std::unique_ptr<interp::Executable> code;

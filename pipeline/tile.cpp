@@ -3,44 +3,13 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cstring>
+#include <utility>
 
 namespace pumice::pipeline {
 
-namespace {
-
-constexpr uint32_t kTileMask = raster::kTileSize - 1;
-constexpr size_t kRecordBudget = 512 * 1024;
-static_assert(raster::kTileSize == raster::kGridCell && raster::kTileSize == 64, "quads are numbered 32 a row");
-
-//! Place of a quad's lane 0 in the tile's pixels, and of the other lanes relative to it.
-constexpr float kLaneX[4] = {0.5f, 1.5f, 0.5f, 1.5f}, kLaneY[4] = {0.5f, 0.5f, 1.5f, 1.5f};
-
-}  // namespace
-
-void TileWorker::begin() {
-  layer_ = 0;
-  setPlanes();
-}
-
-void TileWorker::setPlanes() {
-  planesLayer_ = layer_;
-  pitchCount_ = 0;
-  std::fill(std::begin(planes_), std::end(planes_), interp::TilePlane{});
-  const auto pitchIndex = [&](uint32_t rowElements) {
-    for (uint32_t i = 0; i < pitchCount_; ++i)
-      if (pitches_[i] == rowElements) return i;
-    pitches_[pitchCount_] = rowElements;
-    return pitchCount_++;
-  };
-  const auto put = [&](const AttachmentPlane& p, uint32_t first) {
-    if (!p.base) return;
-    const uint32_t* elements = elements_[pitchIndex(p.rowElements)];
-    for (uint32_t s = 0; s < pass_.samples; ++s) planes_[first + s] = {p.base + layer_ * p.layerPitch + s * p.samplePitch, elements};
-  };
-  for (uint32_t a = 0; a < kMaxColorAttachments; ++a) put(pass_.colorPlanes[a], colorPlane(a, 0, pass_.samples));
-  put(pass_.depth, depthPlane(0, pass_.samples));
-  put(pass_.stencil, stencilPlane(0, pass_.samples));
-}
+TileWorker::TileWorker(PassExecutor::Impl& pass, Ideas disabled)
+    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), row_(pass), visibility_(hiZ_) {}
 
 void TileWorker::loadOps(const VkRect2D& rect) {
   const PassBegin& p = pass_.pass;
@@ -49,9 +18,26 @@ void TileWorker::loadOps(const VkRect2D& rect) {
       fillAttachment(p.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, rect, p.color[a].clear);
   const Attachment& d = p.depthStencil;
   if (!d.memory.layout) return;
-  if (pass_.depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer_, 1, rect, d.clear);
+  if (pass_.depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) loadDepth(rect);
   if (pass_.stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
     fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer_, 1, rect, d.clear);
+}
+
+// Blocks that are cleared as a whole need no memory to say so.
+void TileWorker::loadDepth(const VkRect2D& rect) {
+  const Attachment& d = pass_.pass.depthStencil;
+  if (!depthKnown_ || (rect.extent.width | rect.extent.height | uint32_t(rect.offset.x) | uint32_t(rect.offset.y)) & 3) {
+    fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer_, 1, rect, d.clear);
+    return;
+  }
+  std::byte element[32] = {};
+  texture::packClearValue(*texture::formatInfo(d.format), VK_IMAGE_ASPECT_DEPTH_BIT, d.clear, element);
+  uint32_t stored = 0;
+  std::memcpy(&stored, element, raster::depthBytes(*pass_.depthKind));
+  VkRect2D inTile = rect;
+  inTile.offset.x -= int32_t(tileX_ * raster::kTileSize);
+  inTile.offset.y -= int32_t(tileY_ * raster::kTileSize);
+  visibility_.clearDepth(inTile, stored);
 }
 
 // What the operations of this tile's attachments move: nothing for DONT_CARE and NONE, nor where no draw reaches.
@@ -62,9 +48,9 @@ void TileWorker::countBytes(const VkRect2D& rect) {
     const texture::FormatInfo* f = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
     if (!f || !(f->aspects() & aspect)) return;
     const uint64_t bytes = uint64_t(rect.extent.width) * rect.extent.height * a.memory.layout->plane(aspect).elementBytes * pass_.samples;
-    if (load == VK_ATTACHMENT_LOAD_OP_CLEAR && !pass_.loaded) cleared += bytes;
-    if ((load == VK_ATTACHMENT_LOAD_OP_LOAD || pass_.loaded) && drawn) loaded += bytes;
-    if (store == VK_ATTACHMENT_STORE_OP_STORE) stored += bytes;
+    if (load == VK_ATTACHMENT_LOAD_OP_CLEAR && !pass_.loaded) cleared_ += bytes;
+    if ((load == VK_ATTACHMENT_LOAD_OP_LOAD || pass_.loaded) && drawn) loaded_ += bytes;
+    if (store == VK_ATTACHMENT_STORE_OP_STORE) stored_ += bytes;
   };
   for (uint32_t a = 0; a < pass_.pass.colorCount; ++a) {
     const Attachment& c = pass_.pass.color[a];
@@ -80,168 +66,184 @@ void TileWorker::tile(uint32_t index) {
   tileX_ = index % grid.tilesX;
   tileY_ = index / grid.tilesX % grid.tilesY;
   layer_ = index / (grid.tilesX * grid.tilesY);
-  if (layer_ != planesLayer_) setPlanes();
+  row_.setTile(tileX_, tileY_, layer_);
+  raster::DepthMemory depth;
+  depthKnown_ = pass_.depthKind && pass_.depth.base;
+  if (depthKnown_) {
+    depth.kind = *pass_.depthKind;
+    depth.rowElements = pass_.depth.rowElements;
+    depth.samplePitch = pass_.depth.samplePitch;
+    depth.base = pass_.depth.base + layer_ * pass_.depth.layerPitch +
+                 (size_t(tileY_) * (raster::kTileSize / 4) * depth.rowElements + size_t(tileX_) * (raster::kTileSize * 4)) * raster::depthBytes(depth.kind);
+  }
+  visibility_.begin(tileX_, tileY_, pass_.samples, depth, pass_.statistics);
   const VkRect2D tileRect{{int32_t(tileX_ * raster::kTileSize), int32_t(tileY_ * raster::kTileSize)}, {raster::kTileSize, raster::kTileSize}};
   const VkRect2D rect = intersect(pass_.pass.renderArea, tileRect);
   if (!pass_.loaded && !isEmpty(rect)) loadOps(rect);
   if (pass_.statistics) countBytes(rect);
 
-  for (const raster::BinEntry& entry : pass_.bins->tile(index)) {
-    DrawRecord* draw = pass_.draws[entry.draw].get();
-    if (draw != draw_) setDraw(draw);
-    if (draw->isClear) {
-      const VkRect2D r = intersect(rect, draw->rect);
-      const VkClearAttachment& c = draw->clear;
-      if (isEmpty(r)) continue;
-      if (c.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT)
-        fillAttachment(pass_.pass.color[c.colorAttachment], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, r, c.clearValue);
-      for (VkImageAspectFlags aspect : {VK_IMAGE_ASPECT_DEPTH_BIT, VK_IMAGE_ASPECT_STENCIL_BIT})
-        if (c.aspectMask & aspect)
-          fillAttachment(pass_.pass.depthStencil, aspect, layer_, 1, r, c.clearValue);
-      continue;
+  const std::span<const raster::BinEntry> bin = pass_.bins->tile(index);
+  for (size_t i = 0; i < bin.size(); ++i) {
+    // Primitives lie all over the arenas of the front end: fetch them before their turn.
+    constexpr size_t kFar = 10, kNear = 5;
+    if (i + kFar < bin.size()) {
+      const char* far = reinterpret_cast<const char*>(bin[i + kFar].primitive);
+      for (size_t at = 0; at < sizeof(raster::Primitive); at += 64) __builtin_prefetch(far + at);
     }
-    primitive_ = entry.primitive;
-    record_ = nullptr;
-    raster::rasterize(*primitive_, tileX_, tileY_, pass_.pass.renderArea, draw->constants.samples, *this);
+    if (i + kNear < bin.size()) {
+      const raster::Primitive& near = *bin[i + kNear].primitive;
+      __builtin_prefetch(near.record ? static_cast<const void*>(near.record + raster::kRecordPlanes) : near.planes);
+    }
+    const raster::BinEntry& entry = bin[i];
+    DrawRecord* draw = pass_.draws[entry.draw].get();
+    if (draw->isClear) {
+      clear(*draw, rect);
+    } else if (draw->settled) {
+      opaque(*draw, *entry.primitive);
+    } else {
+      other(*draw, *entry.primitive);
+    }
   }
-  setDraw(nullptr);
-  records_.reset();
-  recordBytes_ = 0;
+  settle();
+  visibility_.materialise();
+  row_.setDraw(nullptr);
+  draw_ = nullptr;
+  row_.dropRecords();
 }
 
-void TileWorker::setDraw(DrawRecord* draw) {
-  flushQuads();
-  if (draw_ && draw_->occlusion && occluded_) {
-    std::atomic_ref<uint64_t>(*draw_->occlusion).fetch_add(occluded_, std::memory_order_relaxed);
-    occluded_ = 0;
+void TileWorker::clear(const DrawRecord& draw, const VkRect2D& rect) {
+  const VkRect2D r = intersect(rect, draw.rect);
+  const VkClearAttachment& c = draw.clear;
+  if (isEmpty(r)) return;
+  settle();
+  row_.setDraw(nullptr);
+  draw_ = nullptr;
+  if (c.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT)
+    fillAttachment(pass_.pass.color[c.colorAttachment], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, r, c.clearValue);
+  if (c.aspectMask & VK_IMAGE_ASPECT_DEPTH_BIT) {
+    visibility_.materialise();
+    visibility_.forgetDepth();
   }
-  if (draw_ && draw_->query && invocations_)
-    std::atomic_ref<uint64_t>(draw_->query->values[PipelineStatistics::FragmentInvocations]).fetch_add(invocations_, std::memory_order_relaxed);
-  invocations_ = 0;
-  draw_ = draw;
-  primitive_ = nullptr;
+  for (VkImageAspectFlags aspect : {VK_IMAGE_ASPECT_DEPTH_BIT, VK_IMAGE_ASPECT_STENCIL_BIT})
+    if (c.aspectMask & aspect)
+      fillAttachment(pass_.pass.depthStencil, aspect, layer_, 1, r, c.clearValue);
+}
+
+// ---- opaque runs
+
+void TileWorker::setOpaqueDraw(DrawRecord* draw) {
+  if (run_ && run_->occlusion && visibility_.drawPassed)
+    std::atomic_ref<uint64_t>(*run_->occlusion).fetch_add(visibility_.drawPassed, std::memory_order_relaxed);
+  visibility_.drawPassed = 0;
+  run_ = draw;
+  if (draw) visibility_.beginDraw(draw, draw->visibility->depth, draw->visibility->colors != 0);
+}
+
+void TileWorker::opaque(DrawRecord& draw, const raster::Primitive& primitive) {
+  if (&draw != run_) {
+    if (!run_) {
+      // What came before may still be in the row.
+      row_.setDraw(nullptr);
+      draw_ = nullptr;
+    } else if (draw.visibility->colors != run_->visibility->colors) {
+      settle();
+    }
+    setOpaqueDraw(&draw);
+  }
+  if (visibility_.full()) {
+    settle();
+    visibility_.materialise();
+    visibility_.dropEntries();
+    setOpaqueDraw(&draw);
+  }
+  const raster::DepthRange& range = draw.clamp(primitive.viewport);
+  visibility_.draw(primitive, range, draw.visibility->sampleMask, pass_.pass.renderArea);
+}
+
+void TileWorker::settle() {
+  if (!run_) return;
+  setOpaqueDraw(nullptr);
+  if (!visibility_.pending()) return;
+  const raster::Visibility::Winners winners = visibility_.takeWinners();
+  for (size_t i = 0; i < winners.items.size(); ++i) {
+    const raster::Visibility::Item& item = winners.items[i];
+    constexpr size_t kFar = 12, kNear = 6;
+    if (i + kFar < winners.items.size()) {
+      const raster::Visibility::Entry& far = visibility_.entry(winners.items[i + kFar].entry);
+      if (!far.record) __builtin_prefetch(far.primitive);
+      else for (size_t at = 0; at < 128; at += 64) __builtin_prefetch(far.record + at);
+    }
+    if (i + kNear < winners.items.size()) {
+      const raster::Visibility::Entry& near = visibility_.entry(winners.items[i + kNear].entry);
+      if (!near.record)
+        for (size_t at = 0; at < 192; at += 64) __builtin_prefetch(reinterpret_cast<const char*>(near.primitive->planes) + at);
+    }
+    raster::Visibility::Entry& e = visibility_.entry(item.entry);
+    DrawRecord* draw = static_cast<DrawRecord*>(e.user);
+    row_.setDraw(draw);
+    if (!e.own && e.recordGeneration != row_.generation()) {
+      e.record = row_.makeRecord(*e.primitive, *draw);
+      e.recordGeneration = row_.generation();
+    }
+    if (!e.record) continue;
+    row_.add(tileX_ * raster::kTileSize + raster::blockX(item.block), tileY_ * raster::kTileSize + raster::blockY(item.block),
+             winners.masks + item.masks, e.record, true);
+  }
+  row_.setDraw(nullptr);
+}
+
+// ---- other draws
+
+void TileWorker::other(DrawRecord& draw, const raster::Primitive& primitive) {
+  if (&draw != draw_) {
+    settle();
+    if (depthKnown_) visibility_.materialise();
+    row_.setDraw(&draw);
+    draw_ = &draw;
+  }
+  primitive_ = &primitive;
   record_ = nullptr;
+  const VisibilityTraits& v = *draw.visibility;
+  rejects_ = hiZ_ && depthKnown_ && v.hiZ && !draw.query;
+  writes_ = depthKnown_ && v.depth.write;
+  if (rejects_ || writes_) {
+    visibility_.beginOther(primitive, draw.clamp(primitive.viewport), v.depth, v.hiZ);
+    const bool large = std::max(primitive.maxX - primitive.minX, primitive.maxY - primitive.minY) >= 16;
+    if (rejects_ && large && !pass_.statistics && visibility_.othersFail(0, 0, raster::kTileSize)) return;
+  }
+  raster::rasterize(primitive, tileX_, tileY_, pass_.pass.renderArea, draw.constants.samples, *this);
+}
+
+bool TileWorker::square(uint32_t x, uint32_t y, uint32_t size, bool) {
+  return rejects_ && size <= 16 && !pass_.statistics && visibility_.othersFail(x, y, size);
 }
 
 void TileWorker::block(uint32_t x, uint32_t y, const uint16_t* masks) {
-  const uint32_t samples = draw_->constants.samples;
-  uint32_t any = masks[0];
-  for (uint32_t s = 1; s < samples; ++s) any |= masks[s];
-  for (uint32_t q = 0; q < 4; ++q) {
-    const uint32_t lanes = any >> (4 * q) & 15;
-    if (!lanes) continue;
-    const uint32_t qx = x + (q & 1) * 2, qy = y + (q >> 1) * 2;
-    const uint32_t position = ((qy & kTileMask) >> 1) * 32 + ((qx & kTileMask) >> 1);
-    // Order per pixel: within a row nothing runs before anything else, so a quad may be there only once.
-    if (count_ == kQuads || (pending_[position >> 6] >> (position & 63) & 1)) flushQuads();
-    if (!record_) {
-      const auto& varyings = draw_->fragment->varyings;
-      const size_t bytes = raster::recordBytes(uint32_t(varyings.size()));
-      if (recordBytes_ + bytes > kRecordBudget) {
-        flushQuads();
-        records_.reset();
-        recordBytes_ = 0;
-      }
-      std::byte* fresh = static_cast<std::byte*>(records_.allocBytes(bytes, 16));
-      if (!fresh) return;
-      recordBytes_ += bytes;
-      raster::fillRecord(*primitive_, varyings, tileX_ * raster::kGridCell, tileY_ * raster::kGridCell, fresh,
-                         draw_->depthRanges[primitive_->viewport]);
-      record_ = fresh;
-    }
-    const uint32_t n = count_++, lane = n * 4;
-    pending_[position >> 6] |= uint64_t(1) << (position & 63);
-    position_[n] = uint16_t(position);
-    quadRecords_[n] = record_;
-    active_[n >> 4] |= uint64_t(draw_->fragment->needsHelpers ? 15 : lanes) << (lane & 63);
-    const float fx = float(qx & kTileMask), fy = float(qy & kTileMask);
-    for (uint32_t l = 0; l < 4; ++l) {
-      x_[lane + l] = fx + kLaneX[l];
-      y_[lane + l] = fy + kLaneY[l];
-      uint32_t c = 0;
-      for (uint32_t s = 0; s < samples; ++s) c |= uint32_t(masks[s] >> (4 * q + l) & 1) << s;
-      coverage_[lane + l] = c;
-    }
-    for (uint32_t p = 0; p < pitchCount_; ++p) elements_[p][n] = (y >> 2) * pitches_[p] + (x >> 2) * 16 + q * 4;
+  const uint32_t n = raster::blockNumber(x & (raster::kTileSize - 1), y & (raster::kTileSize - 1));
+  if (rejects_ && visibility_.otherFails(n)) {
+    for (uint32_t s = 0; s < draw_->constants.samples; ++s) rejected_ += uint32_t(std::popcount(masks[s]));
+    return;
   }
+  if (writes_) visibility_.otherWrote(n);
+  if (!record_ && !(record_ = row_.makeRecord(*primitive_, *draw_))) return;
+  row_.add(x, y, masks, record_, false);
 }
 
-void TileWorker::flushQuads() {
-  if (!count_) return;
-  interp::ExecContext context;
-  context.lanes = count_ * 4;
-  std::copy(std::begin(active_), std::end(active_), context.active);
-  context.tables = draw_->tables;
-  for (uint32_t n = count_; n < kQuads; ++n) quadRecords_[n] = quadRecords_[0];
-  context.quadRecords = quadRecords_;
-  context.tilePlanes = planes_;
-  context.stop = &pass_.pool.cancelled();
-  quads += count_;
-  if (pass_.statistics)
-    for (uint32_t l = 0; l < context.lanes; ++l) tested += uint64_t(std::popcount(coverage_[l]));
-  if (draw_->fragment->perSample) {
-    runPerSample(context);
-  } else {
-    const void* inputs[3] = {x_, y_, coverage_};
-    context.inputs = inputs;
-    run(context);
-  }
-  for (uint32_t n = 0; n < count_; ++n) pending_[position_[n] >> 6] &= ~(uint64_t(1) << (position_[n] & 63));
-  std::fill(std::begin(active_), std::end(active_), 0);
-  count_ = 0;
-}
-
-void TileWorker::run(interp::ExecContext& context) {
-  void* outputs[2] = {passedRow_, shadedRow_};
-  context.outputs = outputs;
-  draw_->fragment->code->run(draw_->bank, context);
-  for (uint64_t a : context.active) fragments += uint64_t(std::popcount(a));
-  const bool countShaded = pass_.statistics || draw_->query;
-  if (!draw_->occlusion && !countShaded) return;
-  uint64_t count = 0, ran = 0;
-  for (uint32_t l = 0; l < context.lanes; ++l) {
-    if (!(context.active[l >> 6] >> (l & 63) & 1)) continue;
-    count += uint64_t(std::popcount(passedRow_[l]));
-    if (countShaded) ran += shadedRow_[l];
-  }
-  shaded += ran;
-  if (draw_->query) invocations_ += ran;
-  if (draw_->occlusion) occluded_ += count;
-  passed += count;
-}
-
-// The row once for each sample, with the lanes (or quads) that the sample is covered in.
-void TileWorker::runPerSample(const interp::ExecContext& row) {
-  interp::ExecContext context = row;
-  const uint32_t samples = draw_->constants.samples;
-  const auto locations = raster::sampleLocations(samples);
-  interp::TilePlane planes[interp::kMaxTilePlanes];
-  context.tilePlanes = planes;
-  const void* inputs[6] = {sampleX_, sampleY_, coverage_, sampleNumber_, x_, y_};
-  context.inputs = inputs;
-  for (uint32_t s = 0; s < samples; ++s) {
-    uint64_t any = 0;
-    std::fill(std::begin(context.active), std::end(context.active), 0);
-    for (uint32_t l = 0; l < context.lanes; ++l) {
-      const uint64_t covered = coverage_[l] >> s & 1;
-      context.active[l >> 6] |= covered << (l & 63);
-      any |= covered;
-    }
-    if (!any) continue;
-    if (draw_->fragment->needsHelpers)
-      for (uint64_t& a : context.active) {
-        a |= a >> 1;
-        a |= a >> 2;
-        a = (a & 0x1111111111111111u) * 15;
-      }
-    for (uint32_t plane = 0; plane <= stencilPlane(0, samples); plane += samples) planes[plane] = planes_[plane + s];
-    for (uint32_t l = 0; l < context.lanes; ++l) {
-      sampleX_[l] = x_[l] + (float(locations[s][0]) / 16.f - 0.5f);
-      sampleY_[l] = y_[l] + (float(locations[s][1]) / 16.f - 0.5f);
-      sampleNumber_[l] = s;
-    }
-    run(context);
-  }
+void TileWorker::takeCounters(PassCounters& c) {
+  raster::VisibilityCounters& v = visibility_.counters;
+  c.quads += row_.quads;
+  c.fragmentsCovered += row_.fragments + v.fragments;
+  c.fragmentsShaded += row_.shaded;
+  c.samplesTested += row_.tested + v.tested;
+  c.samplesPassed += row_.passed + v.passed;
+  c.samplesRejected += rejected_ + v.rejected;
+  c.samplesHidden += v.hidden;
+  c.bytesCleared += cleared_;
+  c.bytesLoaded += loaded_;
+  c.bytesStored += stored_;
+  v = {};
+  row_.quads = row_.fragments = row_.shaded = row_.tested = row_.passed = 0;
+  rejected_ = cleared_ = loaded_ = stored_ = 0;
 }
 
 }  // namespace pumice::pipeline

@@ -130,6 +130,7 @@ class TileRasterizer {
         for (int x = bx0; x <= bx1; x += 4) block(x, y, all);
       return;
     }
+    if (!count_ && contains(0, 0, int(kTileSize)) && sink_.square(uint32_t(originX_), uint32_t(originY_), kTileSize, true)) return;
     split<4>(0, 0, all);
   }
 
@@ -153,11 +154,16 @@ class TileRasterizer {
       uint32_t cutting = 0;
       for (uint32_t k = 0; k < count_; k++) cutting |= (partial[k] >> i & 1) << k;
       const int cellX = x + (placeX(i) << shift), cellY = y + (placeY(i) << shift);
-      if constexpr (shift == 4)
-        split<2>(cellX, cellY, cutting);
-      else
+      if constexpr (shift == 4) {
+        const bool whole = !cutting && contains(cellX, cellY, 16);
+        if (!sink_.square(uint32_t(originX_ + cellX), uint32_t(originY_ + cellY), 16, whole)) split<2>(cellX, cellY, cutting);
+      } else
         block(cellX, cellY, cutting);
     }
+  }
+
+  bool contains(int x, int y, int size) const {
+    return rect_.x0 <= x && rect_.y0 <= y && rect_.x1 >= x + size - 1 && rect_.y1 >= y + size - 1;
   }
 
   void block(int x, int y, uint32_t active) {

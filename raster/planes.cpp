@@ -31,6 +31,17 @@ const DepthUnit* depthUnit(VkFormat format) {
 }  // namespace
 
 bool PlaneBuilder::allocate(PlaneSet& set) {
+  if (temporary_) {
+    if (!scratch_.planes) {
+      temporary_ = false;
+      const bool done = allocate(scratch_);
+      temporary_ = true;
+      if (!done) return false;
+    }
+    set.planes = scratch_.planes;
+    set.flat = scratch_.flat;
+    return true;
+  }
   const size_t varyings = state_.varyings.size();
   set.planes = arena_.alloc<Plane>(2 + varyings);
   set.flat = nullptr;

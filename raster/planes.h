@@ -36,6 +36,8 @@ class PlaneBuilder {
   PlaneBuilder(const SetupState& state, const VertexOutputs& vertices, base::Arena& arena)
       : state_(state), vertices_(vertices), arena_(arena) {}
   void setView(const ViewTransform& view) { view_ = &view; }
+  //! Sets that are made from now on last until the next one (or for good).
+  void setTemporary(bool temporary) { temporary_ = temporary; }
 
   //! Planes through three corners with positive w (exact or snapped positions). The corners are the own vertices, in their order.
   bool fromOwnCorners(const SetupVertex* own, uint32_t provokingSlot, const double* x, const double* y, PlaneSet& set);
@@ -66,6 +68,8 @@ class PlaneBuilder {
   const ViewTransform* view_ = nullptr;
   base::Arena& arena_;
   Plane pointX_, pointY_;
+  bool temporary_ = false;
+  PlaneSet scratch_;
 };
 
 }  // namespace pumice::raster

@@ -75,6 +75,7 @@ struct SetupState {
   float lineWidth = 1;
   LineMode lineMode = LineMode::Rectangular;
   uint32_t samples = 1;
+  bool cellRecords = false;          //!< triangles inside of one grid cell get their record, and no planes
   std::span<const Varying> varyings;
 };
 
@@ -95,6 +96,7 @@ struct Primitive {
   float minZ, maxZ;                //!< hold every depth that a record's plane gives at a covered sample, after bias; who clamps depth clamps these
   const Plane* planes = nullptr;   //!< from the framebuffer's origin: [0] depth, [1] 1/w, then one per Varying: Perspective value/w, Linear the value
   const uint32_t* flat = nullptr;  //!< one word per Varying, valid for Flat ones
+  const std::byte* record = nullptr;   //!< instead of planes and flat: the record of the one grid cell it lies in (tiles.h)
 };
 
 //! Why triangles were dropped (PUMICE_STATS).

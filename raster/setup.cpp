@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <bit>
 
+#include "base/log.h"
+
 namespace pumice::raster {
 namespace {
 
@@ -74,11 +76,12 @@ SetupContext::Limits::Limits(const SetupState& state, const View& view) : transf
   viewVolume.right = right;
   viewVolume.top = top;
   viewVolume.bottom = bottom;
+  depth = {v.minDepth, v.maxDepth};
 }
 
 SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertices, base::Arena& arena, std::vector<Primitive>& out,
                            SetupCounters& counters)
-    : state_(state), vertices_(vertices), out_(out), counters_(counters), choosesView_(vertices.viewportRow >= 0 || vertices.layerRow >= 0),
+    : state_(state), vertices_(vertices), arena_(arena), out_(out), counters_(counters), choosesView_(vertices.viewportRow >= 0 || vertices.layerRow >= 0),
       userClips_(vertices.clipDistances || vertices.cullDistances), planes_(state, vertices, arena) {
   views_.reserve(vertices.viewportRow >= 0 ? 1 + state.furtherViews.size() : 1);
   views_.emplace_back(state, View{state.viewport, state.bounds});
@@ -142,6 +145,24 @@ void SetupContext::emit(Primitive& p, const PlaneSet& set) {
   p.minZ = set.minZ;
   p.maxZ = set.maxZ;
   out_.push_back(p);
+}
+
+void SetupContext::emitRecord(Primitive& p, const PlaneSet& set) {
+  std::byte* record = static_cast<std::byte*>(arena_.allocBytes(recordBytes(uint32_t(state_.varyings.size())), 16));
+  if (!record) {
+    base::logError("raster: out of memory in primitive setup, a primitive is lost");
+    return;
+  }
+  p.layer = layer_;
+  p.viewport = uint16_t(view_ - views_.data());
+  p.planes = set.planes;
+  p.flat = set.flat;
+  fillRecord(p, state_.varyings, uint32_t(p.minX) / kGridCell * kGridCell, uint32_t(p.minY) / kGridCell * kGridCell, record, view_->depth);
+  PlaneSet none;
+  none.minZ = set.minZ;
+  none.maxZ = set.maxZ;
+  p.record = record;
+  emit(p, none);
 }
 
 bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const {
@@ -301,13 +322,18 @@ void SetupContext::triangle(const uint32_t (&slots)[3], uint32_t provoking, uint
     y[i] = useSnapped ? double(corners[i].y) / kSubpixelOne : own[i].clip.screenY();
   }
   PlaneSet set;
-  if (!planes_.fromOwnCorners(own, slots[provoking], x, y, set)) {
+  const bool oneCell = state_.cellRecords && !((uint32_t(p.minX) ^ uint32_t(p.maxX)) / kGridCell | (uint32_t(p.minY) ^ uint32_t(p.maxY)) / kGridCell);
+  planes_.setTemporary(oneCell);
+  const bool done = planes_.fromOwnCorners(own, slots[provoking], x, y, set);
+  planes_.setTemporary(false);
+  if (!done) {
     counters_.clippedAway++;
     return;
   }
   const ClipVertex polygon[3] = {own[0].clip, own[1].clip, own[2].clip};
   planes_.finishDepth(polygon, 3, 1.0 / 128, planes_.depthOffset(polygon, 3, set.planes[0]), set);
-  emit(p, set);
+  if (oneCell) emitRecord(p, set);
+  else emit(p, set);
   counters_.output++;
 }
 

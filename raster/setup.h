@@ -52,6 +52,7 @@ class SetupContext {
     ClipVolume guard;         // planes triangles are cut by
     ClipVolume reject;        // sides of `visible` with a margin: what is wholly outside of one is dropped
     ClipVolume viewVolume;    // the view volume of the specification, for lines and points
+    DepthRange depth;
   };
   //! What a whole primitive has, however it is drawn.
   struct Origin {
@@ -77,6 +78,8 @@ class SetupContext {
   void segment(const SetupVertex (&own)[2], const Origin& origin);
   void square(const SetupVertex& own, const Origin& origin);
   void emit(Primitive& primitive, const PlaneSet& set);
+  //! The same for one that lies in one cell of the grid; the set is not needed any longer.
+  void emitRecord(Primitive& primitive, const PlaneSet& set);
   //! False, and counted, when the face is culled.
   bool facing(int64_t area, bool& front);
   //! Pixels with a sample in the box, limited to `limits`. False, and counted, when there are none.
@@ -86,6 +89,7 @@ class SetupContext {
 
   const SetupState& state_;
   const VertexOutputs& vertices_;
+  base::Arena& arena_;
   std::vector<Primitive>& out_;
   SetupCounters& counters_;
   std::vector<Limits> views_;

@@ -43,6 +43,9 @@ class BlockSink {
  public:
   virtual ~BlockSink() = default;
   virtual void block(uint32_t x, uint32_t y, const uint16_t* masks) = 0;
+  //! Before the blocks of a square of 64 or 16 pixels at (x, y): all samples of it are covered (whole), or some may be. True: its
+  //! blocks are not wanted. Small primitives come as blocks only.
+  virtual bool square(uint32_t, uint32_t, uint32_t, bool) { return false; }
 };
 
 //! Rasterizes one primitive within tile (tileX, tileY), counted in tiles (64 -> 16 -> 4 descent) at 1, 2, 4, 8 or 16 standard sample locations,

@@ -1,6 +1,6 @@
-// The same bits, whatever the number of threads and the instruction set.
+// The same bits, whatever the number of threads and the instruction set, and with each idea that saves work on or off.
 //
-// Both are settled when the driver is loaded, so each setting draws the gallery in a process of its own.
+// These are settled when the driver is loaded, so each setting draws the gallery in a process of its own.
 #include <sys/wait.h>
 
 #include <cstdlib>
@@ -59,14 +59,16 @@ TEST(Invariance, GalleryHasItsGoldenBits) {
   EXPECT_EQ(held, golden.size()) << "scenes in the list are gone";
 }
 
-TEST(Invariance, GalleryHasTheSameBitsWithEveryThreadCountAndInstructionSet) {
+TEST(Invariance, GalleryHasTheSameBitsWithEveryThreadCountInstructionSetAndIdea) {
   if (testedDeviceName() != "Pumice") GTEST_SKIP() << "only promised for Pumice";
   auto usual = galleryWith("");
   ASSERT_GT(usual.size(), 20u);
   // An instruction set that this processor lacks is replaced by the best one, with a message: no harm.
   for (const char* setting :
        {"PUMICE_THREADS=1", "PUMICE_THREADS=7", "PUMICE_ENGINE=interp", "PUMICE_ENGINE=jit", "PUMICE_ISA=scalar",
-        "PUMICE_ISA=sse4", "PUMICE_ISA=avx2"}) {
+        "PUMICE_ISA=sse4", "PUMICE_ISA=avx2", "PUMICE_DISABLE=visible-first", "PUMICE_DISABLE=hi-z", "PUMICE_DISABLE=one-record",
+        "PUMICE_DISABLE=visible-first,hi-z,one-record"}) {
+        "PUMICE_DISABLE=visible-first,hi-z,one-record"}) {
     auto other = galleryWith(setting);
     ASSERT_EQ(other.size(), usual.size()) << setting;
     for (const auto& [name, bytes] : usual)

@@ -219,7 +219,7 @@ const Code* quadLoad(RunState& s, const Code* c) {
   T* dst = s.row<T>(c->dst);
   const std::byte* const* records = s.context->quadRecords;
   for (uint32_t q = 0, lanes = s.lanes; q * 4 < lanes; q++) {
-    const T v = read<T>(records[q] + c->imm);
+    const T v = read<T>(records[q] + uint32_t(c->imm));   // above: ir::kOneRecord
     for (unsigned i = 0; i < 4; i++) dst[q * 4 + i] = v;
   }
   return c + 1;

@@ -4,6 +4,7 @@
 
 #include "spirv_interp/ir/fold.h"
 #include "spirv_interp/ir/text.h"
+#include "spirv_interp/ir/one_record.h"
 
 namespace pumice::ir {
 
@@ -239,6 +240,8 @@ class Verifier {
       }
       case Op::TableLoad:
         return check(high < kTableCount, "no such table");
+      case Op::QuadLoad:
+        return check((i.imm & ~kOneRecord) >> 32 == 0, "immediate out of range");
       case Op::TileLoad:
       case Op::TileStore:
         return check((i.imm & 0xffff) + typeBytes(i.op == Op::TileLoad ? i.type : type(i, 0)) <=
@@ -256,7 +259,6 @@ class Verifier {
       case Op::Input:
       case Op::UniformInput:
       case Op::Output:
-      case Op::QuadLoad:
       case Op::Load:
       case Op::LoadConst:
       case Op::Store:

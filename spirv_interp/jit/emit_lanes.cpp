@@ -218,6 +218,16 @@ void Emitter::quadLoad(Value v) {
   const Inst& i = f_.insts[v];
   const int32_t at = int32_t(i.imm);
   const uint32_t bytes = ir::typeBytes(i.type);
+  if (single_) {   // all quads have one record (ir::kOneRecord)
+    if (!quadPointers_) {
+      a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, quadRecords)));
+      a_.mov(x86::rax, x86::ptr(x86::rsi));
+    }
+    const Ymm d = target(v, 0);
+    a_.vbroadcastss(d, x86::ptr(quadPointers_ ? x86::r8 : x86::rax, at));
+    finish(v, 0, d);
+    return;
+  }
   if (bytes == 4 && p_.unroll <= 2) {
     // Several fields in a row: the addresses stay in registers.
     constexpr x86::Gp kPointers[] = {x86::r8, x86::r9, x86::r10, x86::r11};

@@ -1,4 +1,5 @@
 #include "spirv_interp/jit/plan.h"
+#include "spirv_interp/ir/one_record.h"
 
 #include <algorithm>
 #include <cmath>
@@ -291,6 +292,7 @@ class Planner {
     if (i.op == Op::Var) return flatVar[v];
     if (i.op == Op::VarGet) return flatVar[o[0]];
     const auto same = [&](Value x) { return p_.a.uniform[x] || p_.flat[x]; };
+    if (i.op == Op::QuadLoad) return (i.imm & ir::kOneRecord) && ir::typeBytes(i.type) == 4;
     if (i.op == Op::TableLoad) return same(o[0]);
     if (i.op == Op::LoadConst) return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && same(o[1]) && f_.type(o[1]) == Type::I32 &&
                                          !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);

@@ -1,0 +1,252 @@
+#include "pipeline/quad_row.h"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+
+namespace pumice::pipeline {
+
+namespace {
+
+constexpr uint32_t kTileMask = raster::kTileSize - 1;
+constexpr size_t kRecordBudget = 512 * 1024;
+static_assert(raster::kTileSize == raster::kGridCell, "a record serves a whole tile");
+
+//! Places of a block's pixels, quad-major, relative to its corner.
+alignas(64) constexpr float kPlaceX[16] = {.5f, 1.5f, .5f, 1.5f, 2.5f, 3.5f, 2.5f, 3.5f, .5f, 1.5f, .5f, 1.5f, 2.5f, 3.5f, 2.5f, 3.5f};
+alignas(64) constexpr float kPlaceY[16] = {.5f, .5f, 1.5f, 1.5f, .5f, .5f, 1.5f, 1.5f, 2.5f, 2.5f, 3.5f, 3.5f, 2.5f, 2.5f, 3.5f, 3.5f};
+
+//! Four lanes of ones and zeros from their bits.
+struct LaneWords {
+  alignas(64) uint32_t words[16][4] = {};
+};
+constexpr LaneWords kLaneWords = [] {
+  LaneWords t;
+  for (uint32_t bits = 0; bits < 16; ++bits)
+    for (uint32_t l = 0; l < 4; ++l) t.words[bits][l] = bits >> l & 1;
+  return t;
+}();
+
+// Four lanes at once, on any processor (GCC and Clang know vectors).
+typedef float Float4 __attribute__((vector_size(16)));
+typedef uint32_t Word4 __attribute__((vector_size(16)));
+template <typename V>
+inline V load4(const void* from) {
+  V v;
+  std::memcpy(&v, from, sizeof v);
+  return v;
+}
+template <typename V>
+inline void store4(void* to, V v) {
+  std::memcpy(to, &v, sizeof v);
+}
+inline Float4 all4(float v) { return Float4{v, v, v, v}; }
+
+}  // namespace
+
+void QuadRow::setPlanes(uint32_t layer) {
+  planesLayer_ = layer;
+  pitchCount_ = 0;
+  std::fill(std::begin(planes_), std::end(planes_), interp::TilePlane{});
+  const auto pitchIndex = [&](uint32_t rowElements) {
+    for (uint32_t i = 0; i < pitchCount_; ++i)
+      if (pitches_[i] == rowElements) return i;
+    pitches_[pitchCount_] = rowElements;
+    return pitchCount_++;
+  };
+  const auto put = [&](const AttachmentPlane& p, uint32_t first) {
+    if (!p.base) return;
+    const uint32_t* elements = elements_[pitchIndex(p.rowElements)];
+    for (uint32_t s = 0; s < pass_.samples; ++s) planes_[first + s] = {p.base + layer * p.layerPitch + s * p.samplePitch, elements};
+  };
+  for (uint32_t a = 0; a < kMaxColorAttachments; ++a) put(pass_.colorPlanes[a], colorPlane(a, 0, pass_.samples));
+  put(pass_.depth, depthPlane(0, pass_.samples));
+  put(pass_.stencil, stencilPlane(0, pass_.samples));
+}
+
+void QuadRow::setDraw(DrawRecord* draw) {
+  if (draw == draw_) return;
+  flush();
+  if (draw_ && draw_->occlusion && occluded_) {
+    std::atomic_ref<uint64_t>(*draw_->occlusion).fetch_add(occluded_, std::memory_order_relaxed);
+    occluded_ = 0;
+  }
+  if (draw_ && draw_->query && invocations_)
+    std::atomic_ref<uint64_t>(draw_->query->values[PipelineStatistics::FragmentInvocations]).fetch_add(invocations_, std::memory_order_relaxed);
+  invocations_ = 0;
+  draw_ = draw;
+  if (!draw) return;
+  samples_ = draw->constants.samples;
+  helpers_ = draw->fragment->needsHelpers;
+  counts_ = (draw->occlusion || pass_.statistics) && !draw->settled;
+}
+
+const std::byte* QuadRow::makeRecord(const raster::Primitive& primitive, const DrawRecord& draw) {
+  if (primitive.record) return primitive.record;
+  const auto& varyings = draw.fragment->varyings;
+  const size_t bytes = raster::recordBytes(uint32_t(varyings.size()));
+  if (recordBytes_ + bytes > kRecordBudget) {
+    flush();
+    dropRecords();
+  }
+  std::byte* fresh = static_cast<std::byte*>(records_.allocBytes(bytes, 16));
+  if (!fresh) return nullptr;
+  recordBytes_ += bytes;
+  raster::fillRecord(primitive, varyings, tileX_ * raster::kGridCell, tileY_ * raster::kGridCell, fresh, draw.depthRanges[primitive.viewport]);
+  return fresh;
+}
+
+void QuadRow::dropRecords() {
+  records_.reset();
+  recordBytes_ = 0;
+  ++generation_;
+}
+
+void QuadRow::addWhole(uint32_t block, float x, float y, const std::byte* record) {
+  const uint32_t n = count_, lane = n * 4;
+  count_ += 4;
+  const uint32_t all = (1u << samples_) - 1;
+  const Float4 x4 = all4(x), y4 = all4(y);
+  const Word4 all4 = {all, all, all, all};
+  for (uint32_t q = 0; q < 4; ++q) {
+    store4(x_ + lane + 4 * q, x4 + load4<Float4>(kPlaceX + 4 * q));
+    store4(y_ + lane + 4 * q, y4 + load4<Float4>(kPlaceY + 4 * q));
+    store4(coverage_ + lane + 4 * q, all4);
+    blocks_[n + q] = uint8_t(block);
+    quadRecords_[n + q] = record;
+  }
+  // Sixteen lanes from a multiple of four may reach into the next word.
+  active_[lane >> 6] |= uint64_t(0xffff) << (lane & 63);
+  if ((lane & 63) > 48) active_[(lane >> 6) + 1] |= uint64_t(0xffff) >> (64 - (lane & 63));
+}
+
+inline void QuadRow::addQuad(uint32_t q, uint32_t lanes, uint32_t block, float x, float y, const uint16_t* masks, const std::byte* record) {
+  const uint32_t n = count_++, lane = n * 4;
+  blocks_[n] = uint8_t(block);
+  quadRecords_[n] = record;
+  active_[n >> 4] |= uint64_t(helpers_ ? 15 : lanes) << (lane & 63);
+  store4(x_ + lane, all4(x) + load4<Float4>(kPlaceX + 4 * q));
+  store4(y_ + lane, all4(y) + load4<Float4>(kPlaceY + 4 * q));
+  Word4 c = load4<Word4>(kLaneWords.words[masks[0] >> (4 * q) & 15]);
+  for (uint32_t s = 1; s < samples_; ++s) c |= load4<Word4>(kLaneWords.words[masks[s] >> (4 * q) & 15]) << s;
+  store4(coverage_ + lane, c);
+}
+
+void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte* record, bool apart) {
+  uint32_t any = masks[0], every = masks[0];
+  for (uint32_t s = 1; s < samples_; ++s) any |= masks[s], every &= masks[s];
+  const uint32_t block = raster::blockNumber(x & kTileMask, y & kTileMask);
+  // Order per pixel: within a row nothing runs before anything else, so a quad may be there only once.
+  uint32_t here = 0;
+  for (uint32_t q = 0; q < 4; ++q) here |= uint32_t((any >> (4 * q) & 15) != 0) << q;
+  if (!apart && (pending_[block] & here)) flush();
+  const float fx = float(x & kTileMask), fy = float(y & kTileMask);
+  oneRecord_ = count_ == 0 || (oneRecord_ && record == quadRecords_[0]);
+  uint32_t elements[kMaxPitches];   // of the block's first pixel
+  for (uint32_t p = 0; p < pitchCount_; ++p) elements[p] = (y >> 2) * pitches_[p] + (x >> 2) * 16;
+  if (every == 0xffff && count_ + 4 <= kQuads) {
+    for (uint32_t p = 0; p < pitchCount_; ++p) {
+      const uint32_t e = elements[p];
+      store4(elements_[p] + count_, Word4{e, e + 4, e + 8, e + 12});
+    }
+    addWhole(block, fx, fy, record);
+  } else {
+    for (; here; here &= here - 1) {
+      const uint32_t q = uint32_t(std::countr_zero(here));
+      if (count_ == kQuads) {
+        flush();
+        oneRecord_ = true;
+      }
+      for (uint32_t p = 0; p < pitchCount_; ++p) elements_[p][count_] = elements[p] + q * 4;
+      addQuad(q, any >> (4 * q) & 15, block, fx, fy, masks, record);
+      if (!apart) pending_[block] |= uint8_t(1u << q);
+    }
+    return;
+  }
+  if (!apart) pending_[block] = 15;
+}
+
+void QuadRow::flush() {
+  if (!count_) return;
+  interp::ExecContext context;
+  context.lanes = count_ * 4;
+  std::copy(std::begin(active_), std::end(active_), context.active);
+  context.tables = draw_->tables;
+  for (uint32_t n = count_; n < kQuads; ++n) quadRecords_[n] = quadRecords_[0];
+  context.quadRecords = quadRecords_;
+  context.tilePlanes = planes_;
+  context.stop = &pass_.pool.cancelled();
+  quads += count_;
+  if (counts_ && pass_.statistics)
+    for (uint32_t l = 0; l < context.lanes; ++l) tested += uint64_t(std::popcount(coverage_[l]));
+  if (draw_->fragment->perSample) {
+    runPerSample(context);
+  } else {
+    const void* inputs[3] = {x_, y_, coverage_};
+    context.inputs = inputs;
+    run(context);
+  }
+  for (uint32_t n = 0; n < count_; ++n) pending_[blocks_[n]] = 0;
+  std::fill(std::begin(active_), std::end(active_), 0);
+  count_ = 0;
+}
+
+void QuadRow::run(interp::ExecContext& context) {
+  void* outputs[2] = {passedRow_, shadedRow_};
+  context.outputs = outputs;
+  if (const FragmentRoutine* one = oneRecord_ ? draw_->fragment->forOneRecord() : nullptr) {
+    std::call_once(draw_->oneRecordOnce, [&] { draw_->oneRecordBank = one->code->preamble(draw_->tables); });
+    one->code->run(draw_->oneRecordBank, context);
+  } else {
+    draw_->fragment->code->run(draw_->bank, context);
+  }
+  if (!draw_->settled)
+    for (uint64_t a : context.active) fragments += uint64_t(std::popcount(a));   // once a row
+  const bool countShaded = pass_.statistics || draw_->query;
+  if (!counts_ && !countShaded) return;
+  uint64_t count = 0, ran = 0;
+  for (uint32_t l = 0; l < context.lanes; ++l) {
+    if (!(context.active[l >> 6] >> (l & 63) & 1)) continue;
+    if (counts_) count += uint64_t(std::popcount(passedRow_[l]));
+    if (countShaded) ran += shadedRow_[l];
+  }
+  shaded += ran;
+  if (draw_->query) invocations_ += ran;
+  if (draw_->occlusion) occluded_ += count;
+  passed += count;
+}
+
+// The row once for each sample, with the lanes (or quads) that the sample is covered in.
+void QuadRow::runPerSample(const interp::ExecContext& row) {
+  interp::ExecContext context = row;
+  const auto locations = raster::sampleLocations(samples_);
+  interp::TilePlane planes[interp::kMaxTilePlanes];
+  context.tilePlanes = planes;
+  const void* inputs[6] = {sampleX_, sampleY_, coverage_, sampleNumber_, x_, y_};
+  context.inputs = inputs;
+  for (uint32_t s = 0; s < samples_; ++s) {
+    uint64_t any = 0;
+    std::fill(std::begin(context.active), std::end(context.active), 0);
+    for (uint32_t l = 0; l < context.lanes; ++l) {
+      const uint64_t covered = coverage_[l] >> s & 1;
+      context.active[l >> 6] |= covered << (l & 63);
+      any |= covered;
+    }
+    if (!any) continue;
+    if (helpers_)
+      for (uint64_t& a : context.active) {
+        a |= a >> 1;
+        a |= a >> 2;
+        a = (a & 0x1111111111111111u) * 15;
+      }
+    for (uint32_t plane = 0; plane <= stencilPlane(0, samples_); plane += samples_) planes[plane] = planes_[plane + s];
+    for (uint32_t l = 0; l < context.lanes; ++l) {
+      sampleX_[l] = x_[l] + (float(locations[s][0]) / 16.f - 0.5f);
+      sampleY_[l] = y_[l] + (float(locations[s][1]) / 16.f - 0.5f);
+      sampleNumber_[l] = s;
+    }
+    run(context);
+  }
+}
+
+}  // namespace pumice::pipeline

@@ -1,0 +1,78 @@
+// Rows of fragments: quads of one draw, gathered from as many primitives as it takes, run by the draw's fragment routine. Internal
+// to pipeline/; one per thread.
+#pragma once
+
+#include "pipeline/pass_impl.h"
+
+namespace pumice::pipeline {
+
+class QuadRow {
+ public:
+  static constexpr uint32_t kQuads = interp::kMaxLanes / 4;
+  static constexpr uint32_t kMaxPitches = kMaxColorAttachments + 2;
+
+  explicit QuadRow(PassExecutor::Impl& pass) : pass_(pass) {}
+  //! Once per flush of the pass: where the attachments lie.
+  void begin() { setPlanes(0); }
+  //! The tile that quads come from now. The row is empty.
+  void setTile(uint32_t tileX, uint32_t tileY, uint32_t layer) {
+    tileX_ = tileX, tileY_ = tileY;
+    if (layer != planesLayer_) setPlanes(layer);
+  }
+  //! Quads come from this draw now.
+  void setDraw(DrawRecord* draw);
+  DrawRecord* draw() const { return draw_; }
+  //! Adds the covered quads of a block (pixels of the framebuffer, one quad-major mask per sample). Each pixel sees its fragments in
+  //! order: a row runs before a quad comes again. `apart`: no pixel ever comes twice, so that need not be looked at.
+  void add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte* record, bool apart);
+  void flush();
+
+  //! A primitive's record in this tile. `generation` says which records are still there. Null: out of memory.
+  const std::byte* makeRecord(const raster::Primitive& primitive, const DrawRecord& draw);
+  uint32_t generation() const { return generation_; }
+  void dropRecords();
+
+  uint64_t quads = 0, fragments = 0, shaded = 0, tested = 0, passed = 0;
+
+ private:
+  void setPlanes(uint32_t layer);
+  void addQuad(uint32_t quad, uint32_t lanes, uint32_t block, float x, float y, const uint16_t* masks, const std::byte* record);
+  void addWhole(uint32_t block, float x, float y, const std::byte* record);
+  void run(interp::ExecContext& context);
+  void runPerSample(const interp::ExecContext& row);
+
+  PassExecutor::Impl& pass_;
+  uint32_t tileX_ = 0, tileY_ = 0;
+  uint32_t planesLayer_ = 0;               //!< that planes_ point to
+  DrawRecord* draw_ = nullptr;
+  uint32_t samples_ = 1;
+  bool helpers_ = false, counts_ = false;
+  base::Arena records_{64 * 1024};
+  size_t recordBytes_ = 0;                 //!< in use since the last reset
+  uint32_t generation_ = 1;
+  uint64_t occluded_ = 0;                  //!< samples passed, not yet added to the draw's counter
+  uint64_t invocations_ = 0;               //!< the same for its statistics query
+
+  uint32_t count_ = 0;                     //!< quads pending
+  bool oneRecord_ = true;                  //!< of all of them
+  uint8_t pending_[raster::kBlocksPerTile] = {};   //!< bit per quad of the block: is in the row
+  uint8_t blocks_[kQuads] = {};            //!< that the row's quads lie in
+  const std::byte* quadRecords_[kQuads] = {};
+  uint64_t active_[interp::kMaxLanes / 64] = {};
+
+  uint32_t pitches_[kMaxPitches] = {};     //!< distinct rowElements
+  uint32_t pitchCount_ = 0;
+  alignas(64) float x_[interp::kMaxLanes] = {};
+  alignas(64) float y_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t coverage_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t passedRow_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t shadedRow_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t elements_[kMaxPitches][kQuads] = {};
+  interp::TilePlane planes_[interp::kMaxTilePlanes];
+  // For shading per sample
+  alignas(64) float sampleX_[interp::kMaxLanes] = {};
+  alignas(64) float sampleY_[interp::kMaxLanes] = {};
+  alignas(64) uint32_t sampleNumber_[interp::kMaxLanes] = {};
+};
+
+}  // namespace pumice::pipeline

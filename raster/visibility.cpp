@@ -1,0 +1,491 @@
+#include "raster/visibility.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <utility>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+namespace pumice::raster {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr uint32_t kTileMask = kTileSize - 1;
+
+// Sixteen numbers: `number` where the mask is set.
+inline void setWhere(uint16_t* winners, uint32_t mask, uint16_t number) {
+#if defined(__SSE2__)
+  const __m128i bits = _mm_setr_epi16(1, 2, 4, 8, 16, 32, 64, 128), value = _mm_set1_epi16(int16_t(number));
+  for (int half = 0; half < 2; half++) {
+    const __m128i chosen = _mm_cmpeq_epi16(_mm_and_si128(_mm_set1_epi16(int16_t(mask >> (8 * half) & 0xff)), bits), bits);
+    __m128i* at = reinterpret_cast<__m128i*>(winners + 8 * half);
+    _mm_storeu_si128(at, _mm_or_si128(_mm_and_si128(chosen, value), _mm_andnot_si128(chosen, _mm_loadu_si128(at))));
+  }
+#else
+  for (int i = 0; i < 16; i++)
+    if (mask >> i & 1) winners[i] = number;
+#endif
+}
+
+inline void setSixteen(uint16_t* to, uint16_t number) {
+  const uint64_t four = number * uint64_t(0x0001000100010001);
+  for (int i = 0; i < 16; i += 4) std::memcpy(to + i, &four, sizeof four);
+}
+
+// Where the numbers are equal to `number`.
+inline uint32_t equalTo(const uint16_t* winners, uint16_t number) {
+#if defined(__SSE2__)
+  const __m128i value = _mm_set1_epi16(int16_t(number));
+  const __m128i a = _mm_cmpeq_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(winners)), value);
+  const __m128i b = _mm_cmpeq_epi16(_mm_loadu_si128(reinterpret_cast<const __m128i*>(winners + 8)), value);
+  return uint32_t(_mm_movemask_epi8(_mm_packs_epi16(a, b)));
+#else
+  uint32_t mask = 0;
+  for (int i = 0; i < 16; i++) mask |= uint32_t(winners[i] == number) << i;
+  return mask;
+#endif
+}
+
+// Set bits of up to four masks, in a few operations that every processor has.
+inline uint32_t countBits(const uint16_t* masks, uint32_t count) {
+  uint32_t total = 0;
+  for (uint32_t i = 0; i < count; i += 4) {
+    uint64_t v = masks[i];
+    for (uint32_t k = 1; k < 4 && i + k < count; k++) v |= uint64_t(masks[i + k]) << (16 * k);
+    v -= v >> 1 & 0x5555555555555555u;
+    v = (v & 0x3333333333333333u) + (v >> 2 & 0x3333333333333333u);
+    v = (v + (v >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+    total += uint32_t(v * 0x0101010101010101u >> 56);
+  }
+  return total;
+}
+
+inline void setBit(uint64_t* words, uint32_t i) { words[i >> 6] |= uint64_t(1) << (i & 63); }
+
+template <typename F>
+inline void takeBits(uint64_t (&words)[4], F&& f) {
+  for (uint32_t w = 0; w < 4; w++)
+    for (uint64_t set = std::exchange(words[w], 0); set; set &= set - 1) f(w * 64 + uint32_t(std::countr_zero(set)));
+}
+
+}  // namespace
+
+VisibilityCounters& VisibilityCounters::operator+=(const VisibilityCounters& o) {
+  fragments += o.fragments;
+  tested += o.tested;
+  passed += o.passed;
+  rejected += o.rejected;
+  hidden += o.hidden;
+  return *this;
+}
+
+void Visibility::begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const DepthMemory& depth, bool exact) {
+  tileX_ = tileX;
+  tileY_ = tileY;
+  memory_ = depth;
+  exact_ = exact;
+  const auto locations = sampleLocations(samples);
+  samples_ = uint32_t(locations.size());
+  sampleLowX_ = sampleLowY_ = 1;
+  sampleHighX_ = sampleHighY_ = 0;
+  for (uint32_t s = 0; s < samples_; s++) {
+    placeX_[s] = float(locations[s][0]) / 16;
+    placeY_[s] = float(locations[s][1]) / 16;
+    sampleLowX_ = std::min(sampleLowX_, placeX_[s]);
+    sampleLowY_ = std::min(sampleLowY_, placeY_[s]);
+    sampleHighX_ = std::max(sampleHighX_, placeX_[s]);
+    sampleHighY_ = std::max(sampleHighY_, placeY_[s]);
+  }
+  winners_.resize(std::max(winners_.size(), size_t(kBlocksPerTile) * samples_ * 16));
+  std::fill(std::begin(source_), std::end(source_), kMemory);
+  std::fill(std::begin(owner_), std::end(owner_), kNone);
+  std::fill(std::begin(virtual_), std::end(virtual_), 0);
+  std::fill(std::begin(pending_), std::end(pending_), 0);
+  entries_.clear();
+  groups_ = 0;
+  user_ = nullptr;
+  runPassed_ = 0;
+  forgetDepth();
+}
+
+void Visibility::forgetDepth() {
+  std::fill(std::begin(low_), std::end(low_), -kInfinity);
+  std::fill(std::begin(high_), std::end(high_), kInfinity);
+  staleSquares_ = 0xffff;
+}
+
+void Visibility::clearDepth(const VkRect2D& r, uint32_t stored) {
+  clearStored_ = stored;
+  const float key = depthKey(memory_.kind, stored);
+  const KeyBounds b = key == key ? KeyBounds{key, key} : KeyBounds{-kInfinity, kInfinity};
+  for (uint32_t y = uint32_t(r.offset.y); y < uint32_t(r.offset.y) + r.extent.height; y += 4)
+    for (uint32_t x = uint32_t(r.offset.x); x < uint32_t(r.offset.x) + r.extent.width; x += 4) {
+      const uint32_t n = blockNumber(x, y);
+      source_[n] = kClear;
+      setBit(virtual_, n);
+      low_[n] = b.low;
+      high_[n] = b.high;
+    }
+  staleSquares_ = 0xffff;
+}
+
+void Visibility::makeReal(uint32_t block) {
+  const uint16_t source = source_[block];
+  source_[block] = kMemory;
+  virtual_[block >> 6] &= ~(uint64_t(1) << (block & 63));
+  for (uint32_t s = 0; s < samples_; s++) {
+    std::byte* at = depthOf(block, s);
+    if (source != kClear) {
+      kernels_.write(entries_[source - 1].depth, memory_.kind, float(blockX(block)) + placeX_[s], float(blockY(block)) + placeY_[s], at);
+    } else if (memory_.kind == DepthKind::Unorm16) {
+      std::fill_n(reinterpret_cast<uint16_t*>(at), 16, uint16_t(clearStored_));
+    } else {
+      std::fill_n(reinterpret_cast<uint32_t*>(at), 16, clearStored_);
+    }
+  }
+}
+
+void Visibility::materialise() {
+  uint64_t work[kWords];
+  std::copy(std::begin(virtual_), std::end(virtual_), work);
+  takeBits(work, [&](uint32_t block) { makeReal(block); });
+}
+
+// ---- bounds
+
+void Visibility::setBounds(uint32_t block, const KeyBounds& b) {
+  low_[block] = b.low;
+  high_[block] = b.high;
+  staleSquares_ |= 1u << (block >> 4);
+}
+
+KeyBounds Visibility::squareBounds(uint32_t square) {
+  if (staleSquares_ >> square & 1) {
+    staleSquares_ &= ~(1u << square);
+    const float *low = low_ + square * 16, *high = high_ + square * 16;
+#if defined(__SSE2__)
+    __m128 l = _mm_load_ps(low), h = _mm_load_ps(high);
+    for (int i = 4; i < 16; i += 4) l = _mm_min_ps(l, _mm_load_ps(low + i)), h = _mm_max_ps(h, _mm_load_ps(high + i));
+    l = _mm_min_ps(l, _mm_movehl_ps(l, l));
+    h = _mm_max_ps(h, _mm_movehl_ps(h, h));
+    squareLow_[square] = _mm_cvtss_f32(_mm_min_ss(l, _mm_shuffle_ps(l, l, 1)));
+    squareHigh_[square] = _mm_cvtss_f32(_mm_max_ss(h, _mm_shuffle_ps(h, h, 1)));
+#else
+    squareLow_[square] = *std::min_element(low, low + 16);
+    squareHigh_[square] = *std::max_element(high, high + 16);
+#endif
+  }
+  return {squareLow_[square], squareHigh_[square]};
+}
+
+KeyBounds Visibility::tileBounds() {
+  KeyBounds b{kInfinity, -kInfinity};
+  for (uint32_t square = 0; square < 16; square++) {
+    const KeyBounds s = squareBounds(square);
+    b.low = std::min(b.low, s.low);
+    b.high = std::max(b.high, s.high);
+  }
+  return b;
+}
+
+DepthEquation Visibility::equation(const Primitive& p, const DepthRange& clamp) const {
+  // As fillRecord() does.
+  DepthEquation d;
+  if (p.record) {
+    float words[3];
+    std::memcpy(words, p.record + kRecordPlanes, sizeof words);
+    d.origin = words[0];
+    d.dx = words[1];
+    d.dy = words[2];
+  } else {
+    const Plane& plane = p.planes[0];
+    d.origin = float(plane.origin + plane.dx * double(tileX_ * kGridCell) + plane.dy * double(tileY_ * kGridCell));
+    d.dx = float(plane.dx);
+    d.dy = float(plane.dy);
+  }
+  d.low = clamp.low;
+  d.high = clamp.high;
+  return d;
+}
+
+// Keys of depths between low and high: a plane without slope takes them through clamping and packing.
+KeyBounds Visibility::keyRange(const DepthEquation& d, float low, float high) const {
+  if (memory_.kind == DepthKind::Float32) return {std::min(std::max(low, d.low), d.high), std::min(std::max(high, d.low), d.high)};
+  DepthEquation flat = d;
+  flat.dx = flat.dy = 0;
+  flat.origin = low;
+  const float least = kernels_.bounds(flat, memory_.kind, {0, 0, 0, 0}).low;
+  flat.origin = high;
+  return {least, kernels_.bounds(flat, memory_.kind, {0, 0, 0, 0}).high};
+}
+
+// ---- opaque runs
+
+void Visibility::beginDraw(void* user, const DepthTest& test, bool shaded) {
+  user_ = user;
+  test_ = test;
+  shaded_ = shaded;
+  groups_++;
+}
+
+void Visibility::draw(const Primitive& p, const DepthRange& clamp, uint32_t sampleMask, const VkRect2D& bounds) {
+  primitive_ = &p;
+  maskedOut_ = ~sampleMask & ((1u << samples_) - 1);
+  number_ = 0;
+  if (test_.test) {
+    equation_ = equation(p, clamp);
+    tame_ = equation_.tame();
+    own_ = tame_ ? keyRange(equation_, p.minZ, p.maxZ) : KeyBounds{-kInfinity, kInfinity};
+    if (hiZ_ && !exact_ && std::max(p.maxX - p.minX, p.maxY - p.minY) >= 16 && compareBounds(test_.compare, own_, tileBounds()) == Outcome::Fails)
+      return;
+  }
+  rasterize(p, tileX_, tileY_, bounds, samples_, *this);
+}
+
+uint16_t Visibility::number() {
+  if (!number_) {
+    entries_.push_back({primitive_, user_, groups_ - 1, 0, primitive_->record != nullptr, primitive_->record, equation_});
+    number_ = uint16_t(entries_.size());
+  }
+  return number_;
+}
+
+void Visibility::own(uint32_t block) {
+  const uint64_t samples = 16 * samples_;
+  counters.passed += samples;
+  drawPassed += samples;
+  if (!shaded_) return;
+  runPassed_ += samples;
+  owner_[block] = number();
+  setBit(pending_, block);
+}
+
+//! The primitive covers all of the block; `own`: its keys there.
+void Visibility::full(uint32_t block, const KeyBounds& mine) {
+  if (!test_.test) {
+    own(block);
+    return;
+  }
+  const Outcome outcome = hiZ_ && tame_ ? compareBounds(test_.compare, mine, {low_[block], high_[block]}) : Outcome::Open;
+  if (outcome == Outcome::Fails) {
+    counters.rejected += 16 * samples_;
+    return;
+  }
+  if (outcome == Outcome::Open) {
+    uint16_t masks[16];
+    std::fill_n(masks, samples_, uint16_t(0xffff));
+    testBlock(block, masks);
+    return;
+  }
+  own(block);
+  if (!test_.write) return;
+  source_[block] = number();
+  setBit(virtual_, block);
+  setBounds(block, mine);
+}
+
+void Visibility::testBlock(uint32_t block, const uint16_t* masks) {
+  if (source_[block] != kMemory) makeReal(block);
+  KeyBounds all{kInfinity, -kInfinity};
+  uint16_t passed[16];
+  uint32_t any = 0;
+  for (uint32_t s = 0; s < samples_; s++) {
+    KeyBounds b;
+    passed[s] = uint16_t(kernels_.test(equation_, memory_.kind, test_.compare, test_.write, masks[s], float(blockX(block)) + placeX_[s],
+                                       float(blockY(block)) + placeY_[s], depthOf(block, s), b));
+    any |= passed[s];
+    all.low = std::min(all.low, b.low);
+    all.high = std::max(all.high, b.high);
+  }
+  setBounds(block, all);
+  if (any) mark(block, passed);
+}
+
+void Visibility::splitBlock(uint32_t block) {
+  for (uint32_t s = 0; s < samples_; s++) setSixteen(winnersOf(block, s), owner_[block]);
+  owner_[block] = kMixed;
+  setBit(pending_, block);
+}
+
+void Visibility::mark(uint32_t block, const uint16_t* passed) {
+  const uint32_t count = countBits(passed, samples_);
+  uint32_t every = 0xffff;
+  for (uint32_t s = 0; s < samples_; s++) every &= passed[s];
+  counters.passed += count;
+  drawPassed += count;
+  if (!shaded_) return;
+  runPassed_ += count;
+  const uint16_t n = number();
+  if (every == 0xffff) {
+    owner_[block] = n;
+    setBit(pending_, block);
+    return;
+  }
+  if (owner_[block] != kMixed) splitBlock(block);
+  for (uint32_t s = 0; s < samples_; s++)
+    if (passed[s]) setWhere(winnersOf(block, s), passed[s], n);
+}
+
+void Visibility::block(uint32_t x, uint32_t y, const uint16_t* given) {
+  const uint16_t* masks = given;
+  uint16_t some[16] = {};
+  if (maskedOut_) {
+    for (uint32_t s = 0; s < samples_; s++) some[s] = maskedOut_ >> s & 1 ? 0 : given[s];
+    masks = some;
+  }
+  const uint32_t n = blockNumber(x & kTileMask, y & kTileMask);
+  uint32_t any = masks[0], every = masks[0];
+  for (uint32_t s = 1; s < samples_; s++) {
+    any |= masks[s];
+    every &= masks[s];
+  }
+  const uint16_t pixels = uint16_t(any);
+  const uint32_t count = every == 0xffff ? 16 * samples_ : countBits(masks, samples_);
+  counters.fragments += countBits(&pixels, 1);
+  counters.tested += count;
+  if (every == 0xffff) {
+    const Places places = placesOf(x & kTileMask, y & kTileMask, 4);
+    full(n, test_.test && hiZ_ ? tame_ ? kernels_.bounds(equation_, memory_.kind, places) : own_ : KeyBounds{});
+    return;
+  }
+  if (!any) return;
+  if (!test_.test) {
+    mark(n, masks);
+    return;
+  }
+  if (hiZ_ && compareBounds(test_.compare, own_, {low_[n], high_[n]}) == Outcome::Fails) {
+    counters.rejected += count;
+    return;
+  }
+  testBlock(n, masks);
+}
+
+bool Visibility::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
+  x &= kTileMask;
+  y &= kTileMask;
+  if (!whole || maskedOut_) {
+    if (!hiZ_ || exact_ || !test_.test || size > 16) return false;
+    const KeyBounds mine = tame_ ? kernels_.bounds(equation_, memory_.kind, placesOf(x, y, size)) : own_;
+    return compareBounds(test_.compare, mine, squareBounds(blockNumber(x, y) >> 4)) == Outcome::Fails;
+  }
+  if (size > 16) {
+    for (uint32_t sy = 0; sy < size; sy += 16)
+      for (uint32_t sx = 0; sx < size; sx += 16) square(x + sx, y + sy, 16, true);
+    return true;
+  }
+  const uint32_t first = blockNumber(x, y), samples = 256 * samples_;
+  counters.fragments += 256;
+  counters.tested += samples;
+  const auto ownAll = [&] {
+    counters.passed += samples;
+    drawPassed += samples;
+    if (!shaded_) return;
+    runPassed_ += samples;
+    setSixteen(owner_ + first, number());
+    pending_[first >> 6] |= uint64_t(0xffff) << (first & 63);
+  };
+  if (!test_.test) {
+    ownAll();
+    return true;
+  }
+  alignas(32) float low[16], high[16];
+  if (hiZ_ && tame_) {
+    kernels_.boundsOfBlocks(equation_, memory_.kind, placesOf(x, y, 4), low, high);
+    // The square's corners are corners of its corner blocks.
+    const KeyBounds mine = {std::min({low[0], low[3], low[12], low[15]}), std::max({high[0], high[3], high[12], high[15]})};
+    const Outcome outcome = compareBounds(test_.compare, mine, squareBounds(first >> 4));
+    if (outcome == Outcome::Fails) {
+      counters.rejected += samples;
+      return true;
+    }
+    if (outcome == Outcome::Passes) {
+      ownAll();
+      if (!test_.write) return true;
+      setSixteen(source_ + first, number());
+      virtual_[first >> 6] |= uint64_t(0xffff) << (first & 63);
+      std::memcpy(low_ + first, low, sizeof low);
+      std::memcpy(high_ + first, high, sizeof high);
+      squareLow_[first >> 4] = mine.low;
+      squareHigh_[first >> 4] = mine.high;
+      staleSquares_ &= ~(1u << (first >> 4));
+      return true;
+    }
+  } else {
+    std::fill_n(low, 16, own_.low);
+    std::fill_n(high, 16, own_.high);
+  }
+  for (uint32_t i = 0; i < 16; i++) full(first + i, {low[i], high[i]});
+  return true;
+}
+
+Visibility::Winners Visibility::takeWinners() {
+  items_.clear();
+  masks_.clear();
+  uint64_t kept = 0;
+  const auto put = [&](uint32_t block, uint16_t winner) {
+    items_.push_back({uint16_t(winner - 1), uint16_t(block), uint32_t(masks_.size())});
+  };
+  takeBits(pending_, [&](uint32_t block) {
+    const uint16_t owner = std::exchange(owner_[block], kNone);
+    if (owner != kMixed) {
+      put(block, owner);
+      for (uint32_t s = 0; s < samples_; s++) masks_.push_back(0xffff);
+      kept += 16 * samples_;
+      return;
+    }
+    uint32_t left[16];
+    for (uint32_t s = 0; s < samples_; s++) left[s] = 0xffffu & ~equalTo(winnersOf(block, s), kNone);
+    for (uint32_t s = 0; s < samples_; s++)
+      while (left[s]) {
+        const uint16_t winner = winnersOf(block, s)[std::countr_zero(left[s])];
+        put(block, winner);
+        for (uint32_t t = 0; t < s; t++) masks_.push_back(0);   // these are done with
+        for (uint32_t t = s; t < samples_; t++) {
+          const uint32_t mask = left[t] & equalTo(winnersOf(block, t), winner);
+          left[t] &= ~mask;
+          masks_.push_back(uint16_t(mask));
+        }
+        kept += countBits(masks_.data() + items_.back().masks, samples_);
+      }
+  });
+  counters.hidden += std::exchange(runPassed_, 0) - kept;
+  if (groups_ > 1) {
+    // Stable: blocks stay in their order.
+    groupStart_.assign(groups_ + 1, 0);
+    for (const Item& i : items_) groupStart_[entries_[i.entry].group + 1]++;
+    for (uint32_t g = 0; g < groups_; g++) groupStart_[g + 1] += groupStart_[g];
+    sorted_.resize(items_.size());
+    for (const Item& i : items_) sorted_[groupStart_[entries_[i.entry].group]++] = i;
+    items_.swap(sorted_);
+  }
+  groups_ = user_ ? 1 : 0;
+  return {items_, masks_.data()};
+}
+
+// ---- other draws
+
+void Visibility::beginOther(const Primitive& p, const DepthRange& clamp, const DepthTest& test, bool exactDepth) {
+  test_ = test;
+  otherExact_ = exactDepth;
+  equation_ = equation(p, clamp);
+  tame_ = equation_.tame();
+  own_ = tame_ && exactDepth ? keyRange(equation_, p.minZ, p.maxZ) : KeyBounds{-kInfinity, kInfinity};
+}
+
+bool Visibility::othersFail(uint32_t x, uint32_t y, uint32_t size) {
+  const KeyBounds stored = size > 16 ? tileBounds() : squareBounds(blockNumber(x & kTileMask, y & kTileMask) >> 4);
+  return compareBounds(test_.compare, own_, stored) == Outcome::Fails;
+}
+
+void Visibility::otherWrote(uint32_t block) {
+  // What was written lies within own_, and passed the comparison with what was there.
+  const bool lowers = test_.compare == VK_COMPARE_OP_LESS || test_.compare == VK_COMPARE_OP_LESS_OR_EQUAL;
+  const bool raises = test_.compare == VK_COMPARE_OP_GREATER || test_.compare == VK_COMPARE_OP_GREATER_OR_EQUAL;
+  setBounds(block, {raises ? low_[block] : std::min(low_[block], own_.low), lowers ? high_[block] : std::max(high_[block], own_.high)});
+}
+
+}  // namespace pumice::raster

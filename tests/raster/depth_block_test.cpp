@@ -1,0 +1,120 @@
+// Depth of blocks: every set of kernels gives the same bits, and bounds are exact.
+#include "raster/depth_block.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <vector>
+
+namespace pumice::raster {
+namespace {
+
+constexpr DepthKind kKinds[] = {DepthKind::Float32, DepthKind::Unorm16, DepthKind::Unorm24};
+
+//! Equations as draws have them, and some that nobody should have.
+DepthEquation randomEquation(std::mt19937& random) {
+  std::uniform_real_distribution<float> unit(-1, 1);
+  DepthEquation d;
+  d.origin = unit(random);
+  d.dx = unit(random) * std::exp2(float(random() % 20) - 18);
+  d.dy = unit(random) * std::exp2(float(random() % 20) - 18);
+  if (random() % 8 == 0) d.dx = d.dy = 0;
+  if (random() % 8 == 0) d.origin = 0;
+  if (random() % 8 == 0) d.origin = -0.0f;
+  if (random() % 4 == 0) d.low = -2, d.high = 2;
+  if (random() % 4 == 0) d.low = 0.25f, d.high = 0.5f;
+  if (random() % 16 == 0) d.dx *= 1e38f, d.low = -std::numeric_limits<float>::infinity(), d.high = std::numeric_limits<float>::infinity();
+  return d;
+}
+
+void randomMemory(std::mt19937& random, DepthKind kind, std::byte (&memory)[64]) {
+  for (uint32_t i = 0; i < 16; i++) {
+    uint32_t word = random();
+    if (kind == DepthKind::Float32) {
+      float f = float(word % 1000) / 999;
+      if (word % 61 == 0) f = std::numeric_limits<float>::quiet_NaN();
+      if (word % 67 == 0) f = -0.0f;
+      std::memcpy(&word, &f, 4);
+    }
+    std::memcpy(memory + i * depthBytes(kind), &word, depthBytes(kind));
+  }
+}
+
+TEST(DepthBlock, AllKernelsGiveTheSameBits) {
+  NamedDepthKernels all[2];
+  const size_t count = availableDepthKernels(all);
+  if (count < 2) GTEST_SKIP() << "this processor has one set only";
+  std::mt19937 random(7);
+  for (int round = 0; round < 20000; round++) {
+    const DepthKind kind = kKinds[random() % 3];
+    const DepthEquation d = randomEquation(random);
+    const float x = float(random() % 16 * 4) + float(random() % 16) / 16, y = float(random() % 16 * 4) + float(random() % 16) / 16;
+    const VkCompareOp op = VkCompareOp(random() % 8);
+    const bool write = random() & 1;
+    const uint32_t mask = random() & 3 ? random() & 0xffff : 0xffff;
+    std::byte before[64] = {}, memory[2][64];
+    randomMemory(random, kind, before);
+    KeyBounds bounds[2];
+    uint32_t passed[2];
+    for (int k = 0; k < 2; k++) {
+      std::memcpy(memory[k], before, sizeof before);
+      passed[k] = all[k].kernels->test(d, kind, op, write, mask, x, y, memory[k], bounds[k]);
+    }
+    ASSERT_EQ(passed[0], passed[1]) << "round " << round << ", compare " << op << ", kind " << int(kind);
+    ASSERT_EQ(std::memcmp(memory[0], memory[1], 64), 0) << "round " << round << ", compare " << op << ", kind " << int(kind);
+    ASSERT_EQ(bounds[0].low, bounds[1].low) << "round " << round;
+    ASSERT_EQ(bounds[0].high, bounds[1].high) << "round " << round;
+    for (int k = 0; k < 2; k++) all[k].kernels->write(d, kind, x, y, memory[k]);
+    ASSERT_EQ(std::memcmp(memory[0], memory[1], 64), 0) << "write, round " << round << ", kind " << int(kind);
+    if (!d.tame()) continue;
+    float low[2][16], high[2][16];
+    for (int k = 0; k < 2; k++) {
+      bounds[k] = all[k].kernels->bounds(d, kind, {x, y, x + 15, y + 15});
+      all[k].kernels->boundsOfBlocks(d, kind, {x, y, x + 3, y + 3}, low[k], high[k]);
+    }
+    ASSERT_EQ(bounds[0].low, bounds[1].low);
+    ASSERT_EQ(bounds[0].high, bounds[1].high);
+    for (int i = 0; i < 16; i++) ASSERT_TRUE(low[0][i] == low[1][i] && high[0][i] == high[1][i]) << "block " << i;
+  }
+}
+
+TEST(DepthBlock, BoundsAreThoseOfTheValues) {
+  const DepthKernels& kernels = depthKernels();
+  std::mt19937 random(8);
+  for (int round = 0; round < 5000; round++) {
+    const DepthKind kind = kKinds[random() % 3];
+    const DepthEquation d = randomEquation(random);
+    if (!d.tame()) continue;
+    const float x = float(random() % 16 * 4) + 0.5f, y = float(random() % 16 * 4) + 0.5f;
+    std::byte memory[64];
+    kernels.write(d, kind, x, y, memory);
+    float low = std::numeric_limits<float>::infinity(), high = -low;
+    for (uint32_t i = 0; i < 16; i++) {
+      uint32_t word = 0;
+      std::memcpy(&word, memory + i * depthBytes(kind), depthBytes(kind));
+      low = std::min(low, depthKey(kind, word));
+      high = std::max(high, depthKey(kind, word));
+    }
+    const KeyBounds bounds = kernels.bounds(d, kind, {x, y, x + 3, y + 3});
+    ASSERT_EQ(bounds.low, low) << "round " << round;
+    ASSERT_EQ(bounds.high, high) << "round " << round;
+    // What bounds decide is what each sample says.
+    for (uint32_t op = 0; op < 8; op++) {
+      std::byte stored[64];
+      randomMemory(random, kind, stored);
+      KeyBounds there, after;
+      DepthEquation nothing = d;
+      kernels.test(nothing, kind, VK_COMPARE_OP_NEVER, false, 0, x, y, stored, there);
+      const Outcome outcome = compareBounds(VkCompareOp(op), bounds, there);
+      const uint32_t passed = kernels.test(d, kind, VkCompareOp(op), true, 0xffff, x, y, stored, after);
+      if (outcome == Outcome::Fails) { EXPECT_EQ(passed, 0u) << "compare " << op; }
+      if (outcome == Outcome::Passes) { EXPECT_EQ(passed, 0xffffu) << "compare " << op; }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace pumice::raster
