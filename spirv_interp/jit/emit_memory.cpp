@@ -209,11 +209,29 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
         a_.jmp(done);
         a_.bind(general);
       }
+      // Eight plain loads: two thirds of a gather's time on Zen 3, and never its microcode elsewhere. Lanes out of bounds read at
+      // the limit and become zero.
       a_.vpminud(t1(), off, limit);
-      a_.vpcmpeqd(t1(), t1(), off);
-      a_.vpxor(t0(), off, pool32(0x80000000u));   // the index is signed
-      a_.vpxor(d, d, d);
-      a_.vgatherdps(d, x86::ptr(biased, t0()), t1());
+      a_.vpcmpeqd(t0(), t1(), off);
+      const x86::Gp pairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
+      a_.vextracti128(t2().xmm(), t1(), 1);
+      a_.vmovq(pairs[0], t1().xmm());
+      a_.vpextrq(pairs[1], t1().xmm(), 1);
+      a_.vmovq(pairs[2], t2().xmm());
+      a_.vpextrq(pairs[3], t2().xmm(), 1);
+      for (uint32_t half = 0; half < 2; half++) {
+        const x86::Xmm x = (half ? t1() : t2()).xmm();   // the upper half first
+        for (uint32_t k = 0; k < 2; k++) {
+          const x86::Gp pair = pairs[2 * (1 - half) + k];
+          a_.mov(x86::r9d, pair.r32());
+          a_.shr(pair, 32);
+          if (k == 0) a_.vmovd(x, x86::dword_ptr(base, x86::r9));
+          else a_.vpinsrd(x, x, x86::dword_ptr(base, x86::r9), 2);
+          a_.vpinsrd(x, x, x86::dword_ptr(base, pair), 2 * k + 1);
+        }
+      }
+      a_.vinserti128(t1(), t1(), t2().xmm(), 1);
+      a_.vpand(d, t1(), t0());
       if (look) a_.bind(done);
       finish(v, part, d);
     }
