@@ -11,7 +11,10 @@ namespace {
 constexpr uint64_t kTooLarge = uint64_t(1) << 62;
 constexpr uint64_t kAlignment = 64;
 // Rows of linear images: no more than a word, so that 32-bit formats are tight (applications expect it).
-constexpr uint64_t kRowAlignment = 4;
+constexpr uint64_t kLinearRowAlignment = 4;
+constexpr uint64_t kRowAlignment = 16;
+constexpr uint64_t kAliasing = 1024;
+constexpr uint64_t kLargestPadded = 65536;  // a slice of 16384 rows of 16384 texels of 16 bytes must stay within 4 GiB
 
 // Sizes saturate, so that one check at the end finds every overflow.
 uint64_t add(uint64_t a, uint64_t b) {
@@ -26,7 +29,7 @@ uint64_t alignUp(uint64_t x, uint64_t alignment) { return add(x, alignment - 1) 
 uint32_t divideUp(uint32_t x, uint32_t d) { return x / d + (x % d != 0); }
 
 // Fills one plane and returns the offset behind it.
-uint64_t layPlane(const ImageLayout& image, PlaneLayout& plane, uint64_t offset, VkImageAspectFlags aspect, uint32_t elementBytes) {
+uint64_t layPlane(const ImageLayout& image, bool linear, PlaneLayout& plane, uint64_t offset, VkImageAspectFlags aspect, uint32_t elementBytes) {
   plane.offset = offset;
   plane.aspect = aspect;
   plane.elementBytes = elementBytes;
@@ -43,7 +46,9 @@ uint64_t layPlane(const ImageLayout& image, PlaneLayout& plane, uint64_t offset,
       level.rowPitch = mul(divideUp(level.elementsX, kBlockEdge), kBlockEdge * kBlockEdge * elementBytes);
       level.slicePitch = mul(level.rowPitch, divideUp(level.elementsY, kBlockEdge));
     } else {
-      level.rowPitch = alignUp(mul(level.elementsX, elementBytes), kRowAlignment);
+      level.rowPitch = alignUp(mul(level.elementsX, elementBytes), linear ? kLinearRowAlignment : kRowAlignment);
+      // Rows at a large power of two would all fall into the same few cache sets.
+      if (!linear && level.rowPitch % kAliasing == 0 && level.rowPitch <= kLargestPadded) level.rowPitch = add(level.rowPitch, kAlignment);
       level.slicePitch = mul(level.rowPitch, level.elementsY);
     }
     at = alignUp(add(at, mul(level.slicePitch, level.depth)), kAlignment);
@@ -59,9 +64,10 @@ ImageLayout imageLayout(const VkImageCreateInfo& info) {
   ImageLayout image;
   image.format = formatInfo(info.format);
   image.type = info.imageType;
-  // 1D images are rows, but attachments are drawn to in blocks.
+  // Attachments are drawn to in blocks; what is only sampled, copied or stored to is better off in rows (layout.h).
   constexpr VkImageUsageFlags kAttachment = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_DEPTH_STENCIL_ATTACHMENT_BIT | VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT;
-  image.tiled = info.tiling == VK_IMAGE_TILING_OPTIMAL && (info.imageType != VK_IMAGE_TYPE_1D || (info.usage & kAttachment));
+  image.tiled = info.tiling == VK_IMAGE_TILING_OPTIMAL && (info.usage & kAttachment);
+  const bool linear = info.tiling != VK_IMAGE_TILING_OPTIMAL;
   image.extent = info.extent;
   image.mipLevels = info.mipLevels;
   image.arrayLayers = info.arrayLayers;
@@ -74,10 +80,10 @@ ImageLayout imageLayout(const VkImageCreateInfo& info) {
   if (f.isDepthStencil()) {
     bool combined = f.hasDepth() && f.hasStencil();
     image.planeCount = combined ? 2 : 1;
-    end = layPlane(image, image.planes[0], 0, f.hasDepth() ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_STENCIL_BIT, f.elementBytes);
-    if (combined) end = layPlane(image, image.planes[1], end, VK_IMAGE_ASPECT_STENCIL_BIT, 1);
+    end = layPlane(image, linear, image.planes[0], 0, f.hasDepth() ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_STENCIL_BIT, f.elementBytes);
+    if (combined) end = layPlane(image, linear, image.planes[1], end, VK_IMAGE_ASPECT_STENCIL_BIT, 1);
   } else {
-    end = layPlane(image, image.planes[0], 0, VK_IMAGE_ASPECT_COLOR_BIT, f.elementBytes);
+    end = layPlane(image, linear, image.planes[0], 0, VK_IMAGE_ASPECT_COLOR_BIT, f.elementBytes);
   }
   image.size = end <= kTooLarge ? end : 0;
   return image;

@@ -1,11 +1,11 @@
 // Where every texel of an image lies in memory. A pure function of VkImageCreateInfo, never of history.
 //
-// Optimally tiled 2D and 3D images are stored in blocks of 4x4x1 *elements* (texels or compressed blocks), an
+// Optimally tiled images that may be attachments are stored in blocks of 4x4x1 *elements* (texels or compressed blocks), an
 // element's place inside its block being quad-major:
 //     index = (y>>1 & 1) * 8 + (x>>1 & 1) * 4 + (y & 1) * 2 + (x & 1)
 // so that 16 pixels of a 32-bit format are one 64-byte line and a quad's four pixels are adjacent. Blocks run in
-// rows over the whole level. 1D images that are no attachments and linear tiling use plain rows. Depth, stencil and each sample are
-// separate planes. The order is plane, layer, level: all levels of one layer and plane are together.
+// rows over the whole level. All other images, optimally tiled or linear, are plain rows: addresses cost less, copies are moves of
+// memory, and neighbours in a row are written at once. Depth, stencil and each sample are separate planes. The order is plane, layer, level: all levels of one layer and plane are together.
 #pragma once
 
 #include <cstdint>

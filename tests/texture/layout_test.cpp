@@ -10,7 +10,8 @@ namespace pumice::texture {
 namespace {
 
 VkImageCreateInfo info(VkFormat format, VkImageType type, VkExtent3D extent, uint32_t levels = 1, uint32_t layers = 1,
-                       VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT, VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL) {
+                       VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT, VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL,
+                       VkImageUsageFlags usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT) {
   VkImageCreateInfo i{};
   i.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
   i.format = format;
@@ -20,6 +21,7 @@ VkImageCreateInfo info(VkFormat format, VkImageType type, VkExtent3D extent, uin
   i.arrayLayers = layers;
   i.samples = samples;
   i.tiling = tiling;
+  i.usage = usage;
   return i;
 }
 
@@ -58,7 +60,22 @@ TEST(ImageLayout, EveryElementHasBytesOfItsOwn) {
   expectBijection(info(VK_FORMAT_D32_SFLOAT_S8_UINT, VK_IMAGE_TYPE_2D, {13, 9, 1}, 1, 2, VK_SAMPLE_COUNT_4_BIT));
   expectBijection(info(VK_FORMAT_R8G8B8A8_UNORM, VK_IMAGE_TYPE_2D, {13, 9, 1}, 1, 1, VK_SAMPLE_COUNT_8_BIT));
   expectBijection(info(VK_FORMAT_BC3_UNORM_BLOCK, VK_IMAGE_TYPE_2D, {30, 18, 1}, 5, 6));
+  for (VkFormat f : {VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_R8G8B8_UNORM, VK_FORMAT_BC3_UNORM_BLOCK, VK_FORMAT_D24_UNORM_S8_UINT})
+    expectBijection(info(f, VK_IMAGE_TYPE_2D, {520, 66, 1}, 10, 2, VK_SAMPLE_COUNT_1_BIT, VK_IMAGE_TILING_OPTIMAL, VK_IMAGE_USAGE_SAMPLED_BIT));
+  expectBijection(info(VK_FORMAT_R32_UINT, VK_IMAGE_TYPE_3D, {37, 21, 5}, 5, 1, VK_SAMPLE_COUNT_1_BIT, VK_IMAGE_TILING_OPTIMAL, VK_IMAGE_USAGE_STORAGE_BIT));
   expectBijection(info(VK_FORMAT_R5G6B5_UNORM_PACK16, VK_IMAGE_TYPE_2D, {5, 3, 1}, 1, 1, VK_SAMPLE_COUNT_1_BIT, VK_IMAGE_TILING_LINEAR));
+}
+
+TEST(ImageLayout, WhatIsNoAttachmentIsRowsThatDoNotFallOnPowersOfTwo) {
+  constexpr auto kOptimal = VK_IMAGE_TILING_OPTIMAL;
+  auto sampled = imageLayout(info(VK_FORMAT_R8G8B8A8_UNORM, VK_IMAGE_TYPE_2D, {1024, 8, 1}, 1, 1, VK_SAMPLE_COUNT_1_BIT, kOptimal, VK_IMAGE_USAGE_SAMPLED_BIT));
+  EXPECT_FALSE(sampled.tiled);
+  EXPECT_EQ(sampled.planes[0].levels[0].rowPitch, 4096u + 64u);
+  auto small = imageLayout(info(VK_FORMAT_R8G8B8A8_UNORM, VK_IMAGE_TYPE_2D, {32, 8, 1}, 1, 1, VK_SAMPLE_COUNT_1_BIT, kOptimal, VK_IMAGE_USAGE_SAMPLED_BIT));
+  EXPECT_EQ(small.planes[0].levels[0].rowPitch, 128u);
+  auto target = imageLayout(info(VK_FORMAT_R8G8B8A8_UNORM, VK_IMAGE_TYPE_2D, {1024, 8, 1}, 1, 1, VK_SAMPLE_COUNT_1_BIT, kOptimal,
+                                 VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT));
+  EXPECT_TRUE(target.tiled);
 }
 
 TEST(ImageLayout, BlocksAreQuadMajorAndLevelsHoldWholeBlocks) {
