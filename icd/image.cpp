@@ -6,6 +6,7 @@
 #include "entrypoints.h"
 #include "icd/resources.h"
 #include "icd/wsi/swapchain.h"
+#include "texture/addressing.h"
 
 namespace pumice::icd {
 namespace {
@@ -52,7 +53,7 @@ void fillDescriptor(ImageView& view, const VkComponentMapping& components) {
   texture::ViewKey& k = d.key;
   k.format = format ? texture::formatKey(*format) : 0;
   k.viewType = uint8_t(view.viewType);
-  k.tiled = image.layout.tiled;
+  k.tiled = texture::addressing(image.layout.tiled, d.size);
   VkImageAspectFlags aspect = view.range.aspectMask;
   if (aspect & VK_IMAGE_ASPECT_DEPTH_BIT) aspect = VK_IMAGE_ASPECT_DEPTH_BIT;   // attachments may name both
   k.aspect = uint8_t(aspect);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <set>
 
+#include "texture/addressing.h"
+
 namespace pumice::pipeline {
 
 using frontend::ResourceKind;
@@ -238,7 +240,7 @@ std::vector<ImageState> ImageUses::plausible(const Shader& shader, const Layout&
                                               VK_IMAGE_VIEW_TYPE_2D_ARRAY};
       if (hasImage(binding->type)) {
         view.viewType = uint8_t((op->arrayed ? kArrayed : kPlain)[unsigned(op->dim)]);
-        view.tiled = op->dim != ir::ImageDim::D1;
+        view.tiled = texture::kCompact;
         view.aspect = VK_IMAGE_ASPECT_COLOR_BIT;
         view.samples = op->multisampled ? 4 : 1;
       }

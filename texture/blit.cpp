@@ -62,13 +62,13 @@ ImageDescriptor describe(const ImageMemory& image, const PlaneLayout& plane, uin
   return d;
 }
 
-ImageRef reference(uint32_t table, VkFormat format, bool tiled, Builder& b) {
+ImageRef reference(uint32_t table, VkFormat format, uint8_t addressing, Builder& b) {
   ImageRef r;
   r.table = table;
   r.dynamicOffset = b.i32(0);
   r.key.format = formatKey(*formatInfo(format));
   r.key.viewType = VK_IMAGE_VIEW_TYPE_2D;
-  r.key.tiled = tiled;
+  r.key.tiled = addressing;
   r.key.aspect = VK_IMAGE_ASPECT_COLOR_BIT;  // the format is a plane's own
   r.key.samples = 1;
   r.key.singleLevel = 1;
@@ -90,11 +90,10 @@ VkFormat wordFormat(const FormatInfo& f) {
   }
 }
 
-void storePixel(Builder& b, const FormatInfo& f, bool tiled, Value x, Value y, Value z, const Texel& t) {
-  ImageRef target = reference(kTargetTable, f.format, tiled, b);
+void storePixel(Builder& b, const FormatInfo& f, const RoutineKey& key, Value x, Value y, Value z, const Texel& t) {
+  ImageRef target = reference(kTargetTable, f.format, key.targetAddressing, b);
   SliceAddress slice = sliceAddress({b, target}, 0, 0, z, 0);
-  Value offset = b.iadd(columnOffset(b, tiled, f.elementBytes, x), rowOffset(b, tiled, f.elementBytes, slice.rowPitch, y));
-  storeTexel(b, f, slice.base, offset, slice.size, t);
+  storeTexel(b, f, slice.base, elementOffset(b, slice, isTiled(target.key), f.elementBytes, x, y), slice.size, t);
 }
 
 std::shared_ptr<const interp::Executable> blitRoutine(const RoutineKey& key) {
@@ -123,10 +122,10 @@ std::shared_ptr<const interp::Executable> blitRoutine(const RoutineKey& key) {
     sampler.key.magFilter = sampler.key.minFilter = key.linearFilter ? VK_FILTER_LINEAR : VK_FILTER_NEAREST;
     sampler.key.addressU = sampler.key.addressV = sampler.key.addressW = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
     const char* error = nullptr;
-    std::vector<Value> texel = expandImage(b, op, operands, reference(kSourceTable, source.format, key.sourceTiled, b), sampler, &error);
+    std::vector<Value> texel = expandImage(b, op, operands, reference(kSourceTable, source.format, key.sourceAddressing, b), sampler, &error);
     if (texel.size() != 4) return;
     Texel t = {texel[0], texel[1], texel[2], texel[3]};
-    storePixel(b, target, key.targetTiled, at[0], at[1], at[2], t);
+    storePixel(b, target, key, at[0], at[1], at[2], t);
   });
 }
 
@@ -199,12 +198,28 @@ void presentBlocks(const uint32_t* blocks, std::byte* rows, uint64_t pitch, uint
   }
 }
 
+// A blit that neither scales nor converts is a copy.
+bool isCopy(const ImageLayout& from, const ImageLayout& to, const VkImageBlit& r) {
+  auto fits = [](const VkOffset3D (&o)[2], const LevelLayout& l) {
+    return o[0].x >= 0 && o[0].y >= 0 && o[0].z >= 0 && o[0].x < o[1].x && o[0].y < o[1].y && o[0].z < o[1].z && uint32_t(o[1].x) <= l.width &&
+           uint32_t(o[1].y) <= l.height && uint32_t(o[1].z) <= l.depth;
+  };
+  auto equal = [&](int32_t VkOffset3D::*c) { return r.srcOffsets[1].*c - r.srcOffsets[0].*c == r.dstOffsets[1].*c - r.dstOffsets[0].*c; };
+  return from.format == to.format && !from.format->isCompressed() && from.type == to.type && from.samples == 1 && to.samples == 1 &&
+         r.srcSubresource.aspectMask == r.dstSubresource.aspectMask && fits(r.srcOffsets, from.planes[0].levels[r.srcSubresource.mipLevel]) &&
+         fits(r.dstOffsets, to.planes[0].levels[r.dstSubresource.mipLevel]) && equal(&VkOffset3D::x) && equal(&VkOffset3D::y) && equal(&VkOffset3D::z);
+}
+
 }  // namespace
 
 void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageBlit& region, VkFilter filter) {
   const ImageLayout &from = *src.layout, &to = *dst.layout;
   const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
   if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels) return;
+  if (isCopy(from, to, region)) {
+    const VkOffset3D *s = region.srcOffsets, *d = region.dstOffsets;
+    return copyImage(pool, src, dst, {ss, s[0], ds, d[0], {uint32_t(s[1].x - s[0].x), uint32_t(s[1].y - s[0].y), uint32_t(s[1].z - s[0].z)}});
+  }
   constexpr VkImageAspectFlags kAspects[] = {VK_IMAGE_ASPECT_COLOR_BIT, VK_IMAGE_ASPECT_DEPTH_BIT, VK_IMAGE_ASPECT_STENCIL_BIT};
   for (VkImageAspectFlags aspect : kAspects) {
     if (!(ss.aspectMask & ds.aspectMask & aspect)) continue;
@@ -216,8 +231,8 @@ void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory
     key.kind = RoutineKey::Blit;
     key.dimensions = from.type == VK_IMAGE_TYPE_3D ? 3 : 2;
     key.linearFilter = filter == VK_FILTER_LINEAR && !sf.isInteger();
-    key.sourceTiled = from.tiled;
-    key.targetTiled = to.tiled;
+    key.sourceAddressing = addressing(from.tiled, from.size);
+    key.targetAddressing = addressing(to.tiled, to.size);
     const bool bits = sf.format == df.format && !key.linearFilter;
     key.sourceFormat = formatKey(bits ? *formatInfo(wordFormat(sf)) : sf);
     key.targetFormat = formatKey(bits ? *formatInfo(wordFormat(df)) : df);
@@ -246,8 +261,8 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
   if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels || from.format->isDepthStencil()) return;
   RoutineKey key;
   key.kind = RoutineKey::Resolve;
-  key.sourceTiled = from.tiled;
-  key.targetTiled = to.tiled;
+  key.sourceAddressing = addressing(from.tiled, from.size);
+  key.targetAddressing = addressing(to.tiled, to.size);
   key.samples = uint8_t(from.samples);
   key.sourceFormat = formatKey(*from.format);
   key.targetFormat = formatKey(*to.format);
@@ -256,11 +271,10 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
     Value x = b.input(Type::I32, 0), y = b.input(Type::I32, 1), z = b.input(Type::I32, 2);
     Value sx = b.iadd(x, b.uniform(Type::I32, offsetof(BlitParameters, resolveShift)));
     Value sy = b.iadd(y, b.uniform(Type::I32, offsetof(BlitParameters, resolveShift) + 4));
-    ImageRef source = reference(kSourceTable, f.format, from.tiled, b);
+    ImageRef source = reference(kSourceTable, f.format, key.sourceAddressing, b);
     auto sample = [&](uint32_t i) {
       SliceAddress slice = sliceAddress({b, source}, 0, 0, 0, i ? b.i32(i) : 0);
-      Value offset = b.iadd(columnOffset(b, from.tiled, f.elementBytes, sx), rowOffset(b, from.tiled, f.elementBytes, slice.rowPitch, sy));
-      return loadTexel(b, f, slice.base, offset, slice.size, true);
+      return loadTexel(b, f, slice.base, elementOffset(b, slice, isTiled(source.key), f.elementBytes, sx, sy), slice.size, true);
     };
     Texel sum = sample(0);
     if (!f.isInteger() && from.samples > 1) {
@@ -272,7 +286,7 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
           for (int c = 0; c < 4; ++c) level[i][c] = b.fadd(level[2 * i][c], level[2 * i + 1][c]);
       for (int c = 0; c < 4; ++c) sum[c] = b.fmul(level[0][c], b.f32(1.0f / float(from.samples)));
     }
-    storePixel(b, *to.format, to.tiled, x, y, z, sum);
+    storePixel(b, *to.format, key, x, y, z, sum);
   });
   if (!routine) return;
 
@@ -316,7 +330,8 @@ void presentRows(base::ThreadPool& pool, const ImageMemory& src, std::byte* rows
 
   RoutineKey key;
   key.kind = RoutineKey::Blit;
-  key.sourceTiled = from.tiled;
+  key.sourceAddressing = addressing(from.tiled, from.size);
+  key.targetAddressing = addressing(false, pitch * height);
   key.sourceFormat = formatKey(*formatInfo(format));
   key.targetFormat = formatKey(*formatInfo(kPresentFormat));
   auto routine = blitRoutine(key);

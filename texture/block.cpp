@@ -32,7 +32,23 @@ namespace {
 
 constexpr uint32_t kBlocks = offsetof(ConstantTables, blocks);
 
-Value quotient(Builder& b, Value v, uint32_t divisor) { return divideExact(b, b.convert(Op::SToF, Type::F32, v), divisor); }
+// What a component's integer from the decoder is divided by; 1: it is the component.
+uint32_t divisorOf(const FormatInfo& f, unsigned c) {
+  const bool plain = c == 3 || f.rgba[0].numeric != Numeric::Srgb;
+  const uint32_t ramp = 35 * (f.rgba[0].numeric == Numeric::Snorm ? 127u : 255u);
+  if (!f.rgba[c].bits || !plain) return 1;
+  switch (f.compression) {
+    case Compression::Bc1: return c == 3 ? 1 : c == 1 ? kColour6Steps - 1 : kColour5Steps - 1;
+    case Compression::Bc2: return c == 3 ? 15 : c == 1 ? kColour6Steps - 1 : kColour5Steps - 1;
+    case Compression::Bc3: return c == 3 ? ramp : c == 1 ? kColour6Steps - 1 : kColour5Steps - 1;
+    case Compression::Bc4:
+    case Compression::Bc5: return ramp;
+    case Compression::Bc7: return 255;
+    default: return 1;
+  }
+}
+
+Value toFloat(Builder& b, Value v) { return b.convert(Op::SToF, Type::F32, v); }
 
 // The colour part of BC1 to BC3: two 5:6:5 endpoints and two bits a texel. Weights are in sixths, so that components are integers
 // over 186 and 378. Without `transparent` the four-colour code is meant always.
@@ -65,7 +81,7 @@ Colour decodeColour(const BlockBits& s, Value endpoints, Value codes, bool punch
 }
 
 // One component of BC3 (alpha), BC4 and BC5: two 8-bit endpoints and three bits a texel, from words `first` and `first + 1`. In 35ths
-// (common to sevenths and fifths), over 255 or 127.
+// (common to sevenths and fifths) of 1/255 or 1/127.
 Value decodeRamp(const BlockBits& s, unsigned first, bool isSigned) {
   Builder& b = s.b;
   Value w0 = s.word[first], w1 = s.word[first + 1];
@@ -86,14 +102,14 @@ Value decodeRamp(const BlockBits& s, unsigned first, bool isSigned) {
   Value v = b.iadd(b.imul(e0, b.i32(35)), b.imul(weight, b.isub(e1, e0)));
   Value limit = b.select(b.ieq(code, b.i32(6)), b.i32(isSigned ? uint32_t(-127 * 35) : 0u), b.i32(full * 35));
   v = b.select(b.maskAnd(b.maskNot(seven), b.ule(b.i32(6), code)), limit, v);
-  return quotient(b, v, full * 35);
+  return toFloat(b, v);
 }
 
 Value srgb(Builder& b, uint32_t table, Value index) { return b.tableLoad(Type::F32, ir::kTableConstants, table, b.shl(index, b.i32(2))); }
 
 }  // namespace
 
-Texel loadBlockTexel(Builder& b, const FormatInfo& f, Value base, Value offset, Value size, bool constant, Value x, Value y) {
+Texel loadBlockTexel(Builder& b, const FormatInfo& f, Value base, Value offset, Value size, bool constant, Value x, Value y, bool scale) {
   BlockBits s{b};
   for (uint32_t i = 0; i < f.elementBytes / 4u; ++i)
     s.word[i] = constant ? b.loadConst(Type::I32, base, offset, size, 4 * i) : b.load(Type::I32, base, offset, size, 4 * i);
@@ -111,12 +127,12 @@ Texel loadBlockTexel(Builder& b, const FormatInfo& f, Value base, Value offset, 
       for (int i = 0; i < 3; ++i) {
         const bool six = i == 1;
         t[i] = isSrgb ? srgb(b, kBlocks + uint32_t(six ? offsetof(BlockTables, srgb6) : offsetof(BlockTables, srgb5)), c.rgb[i])
-                      : quotient(b, c.rgb[i], six ? kColour6Steps - 1 : kColour5Steps - 1);
+                      : toFloat(b, c.rgb[i]);
       }
       if (bc1 && f.rgba[3].bits) t[3] = b.select(c.black, b.f32(0.0f), b.f32(1.0f));
       if (f.compression == Compression::Bc2) {
         Value half = b.select(b.ult(s.texel, b.i32(8)), s.word[0], s.word[1]);
-        t[3] = quotient(b, b.and_(b.lshr(half, b.shl(s.texel, b.i32(2))), b.i32(15)), 15);
+        t[3] = toFloat(b, b.and_(b.lshr(half, b.shl(s.texel, b.i32(2))), b.i32(15)));
       }
       if (f.compression == Compression::Bc3) t[3] = decodeRamp(s, 0, false);
       break;
@@ -134,11 +150,18 @@ Texel loadBlockTexel(Builder& b, const FormatInfo& f, Value base, Value offset, 
       Value rgba[4];
       decodeBc7(s, rgba);
       for (int i = 0; i < 4; ++i)
-        t[i] = isSrgb && i < 3 ? srgb(b, offsetof(ConstantTables, srgb) + offsetof(SrgbTables, decode), rgba[i]) : quotient(b, rgba[i], 255);
+        t[i] = isSrgb && i < 3 ? srgb(b, offsetof(ConstantTables, srgb) + offsetof(SrgbTables, decode), rgba[i]) : toFloat(b, rgba[i]);
       break;
     }
     case Compression::None: break;
   }
+  return scale ? scaleBlockTexel(b, f, t) : t;
+}
+
+Texel scaleBlockTexel(Builder& b, const FormatInfo& f, const Texel& unscaled) {
+  Texel t = unscaled;
+  for (unsigned c = 0; c < 4; ++c)
+    if (uint32_t divisor = divisorOf(f, c); divisor > 1) t[c] = divideExact(b, t[c], divisor);
   return t;
 }
 

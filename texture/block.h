@@ -8,8 +8,11 @@
 
 namespace pumice::texture {
 
-//! Texel (x, y) (i32, each 0..3) of the block at base + offset; outside `size` the block's bits are zero.
-Texel loadBlockTexel(ir::Builder& b, const FormatInfo& f, ir::Value base, ir::Value offset, ir::Value size, bool constant, ir::Value x, ir::Value y);
+//! Texel (x, y) (i32, each 0..3) of the block at base + offset; outside `size` the block's bits are zero. Without `scale` the division
+//! that makes components of the decoder's integers is left to scaleBlockTexel(): filtering is linear, so one after it does.
+Texel loadBlockTexel(ir::Builder& b, const FormatInfo& f, ir::Value base, ir::Value offset, ir::Value size, bool constant, ir::Value x, ir::Value y,
+                     bool scale = true);
+Texel scaleBlockTexel(ir::Builder& b, const FormatInfo& f, const Texel& unscaled);
 
 //! The bits of a block as 32-bit words and a texel's number in it: what the decoders below work on.
 struct BlockBits {

@@ -23,16 +23,14 @@ Value texelOffset(ImageBuild& s, const SliceAddress& slice, const Value (&at)[3]
   Builder& b = s.b;
   const FormatInfo& f = s.format;
   auto element = [&](Value i) { return f.isCompressed() ? b.lshr(i, b.i32(2)) : i; };
-  Value offset = columnOffset(b, s.image.key.tiled, f.elementBytes, element(at[0]));
-  if (s.dimensions > 1) offset = b.iadd(offset, rowOffset(b, s.image.key.tiled, f.elementBytes, slice.rowPitch, element(at[1])));
-  return offset;
+  return elementOffset(b, slice, isTiled(s.image.key), f.elementBytes, element(at[0]), s.dimensions > 1 ? element(at[1]) : 0);
 }
 
-Texel loadTexelAt(ImageBuild& s, const SliceAddress& slice, const Value (&at)[3], bool constant) {
+Texel loadTexelAt(ImageBuild& s, const SliceAddress& slice, const Value (&at)[3], bool constant, bool scale) {
   Builder& b = s.b;
   Value offset = texelOffset(s, slice, at);
   if (!s.format.isCompressed()) return loadTexel(b, s.format, slice.base, offset, slice.size, constant);
-  return loadBlockTexel(b, s.format, slice.base, offset, slice.size, constant, b.and_(at[0], b.i32(3)), b.and_(at[1], b.i32(3)));
+  return loadBlockTexel(b, s.format, slice.base, offset, slice.size, constant, b.and_(at[0], b.i32(3)), b.and_(at[1], b.i32(3)), scale);
 }
 
 Texel swizzle(Builder& b, const ViewKey& key, bool integer, const Texel& t) {
@@ -121,7 +119,7 @@ Texel incoming(Builder& b, const FormatInfo& f, std::span<const Value> data) {
   return t;
 }
 
-// The element that integer coordinates name; size is 0 where they are outside the image.
+// The element that integer coordinates name; out of bounds where they are outside the image.
 struct Element {
   Value base, offset, size;
   Value inBlock[2] = {};  // of compressed images: the texel in the element
@@ -131,9 +129,9 @@ Element bufferElement(ImageBuild& s) {
   Builder& b = s.b;
   Value x = s.in.coordinate[0];
   Value inside = b.ult(x, s.fields.i32(offsetof(BufferDescriptor, elements)));
-  Value size = b.select(inside, s.fields.i64(offsetof(BufferDescriptor, size)), b.i64(0));
-  Value offset = b.imul(b.convert(Op::ZExt, Type::I64, x), b.i64(s.format.elementBytes));
-  return {s.fields.i64(offsetof(BufferDescriptor, base)), offset, size};
+  // maxTexelBufferElements keeps buffers below 4 GiB.
+  Value offset = b.select(inside, b.imul(x, b.i32(s.format.elementBytes)), b.i32(kOutside));
+  return {s.fields.i64(offsetof(BufferDescriptor, base)), offset, s.fields.i64(offsetof(BufferDescriptor, size))};
 }
 
 Element imageElement(ImageBuild& s) {
@@ -159,8 +157,9 @@ Element imageElement(ImageBuild& s) {
   if (layer) require(b.ult(layer, s.fields.i32(offsetof(ImageDescriptor, layerCount))));
   if (s.in.sample) require(b.ult(s.in.sample, s.fields.i32(offsetof(ImageDescriptor, samples))));
   SliceAddress slice = sliceAddress(s.fields, level, layer, dimensions > 2 ? coordinate[2] : 0, s.in.sample);
-  Value offset = texelOffset(s, slice, coordinate);
-  Element e = {slice.base, offset, b.select(inside, slice.size, b.i64(0))};
+  Element e = {slice.base, texelOffset(s, slice, coordinate), slice.size};
+  if (isCompact(s.image.key)) e.offset = b.select(inside, e.offset, b.i32(kOutside));
+  else e.size = b.select(inside, e.size, b.i64(0));
   for (unsigned i = 0; i < 2 && s.format.isCompressed(); ++i) e.inBlock[i] = b.and_(coordinate[i], b.i32(3));
   return e;
 }
@@ -253,9 +252,12 @@ std::vector<Value> expandImage(Builder& b, const ir::ImageOpInfo& op, std::span<
         return {};
       }
       Element e = element();
-      Type type = b.type(s.in.data[0]);
+      const Type type = b.type(s.in.data[0]);
       if (op.compareExchange) return {b.emit(Op::AtomicCas, type, {e.base, e.offset, e.size, s.in.data[0], s.in.data[1]})};
-      return {b.emit(Op::Atomic, type, {e.base, e.offset, e.size, s.in.data[0]}, uint64_t(op.atomic) << 32)};
+      // What only moves floats moves bits.
+      const Type inMemory = ir::isFloat(type) && op.atomic != ir::AtomicOp::FAdd ? ir::intOf(type) : type;
+      Value old = b.emit(Op::Atomic, inMemory, {e.base, e.offset, e.size, b.bitcast(inMemory, s.in.data[0])}, uint64_t(op.atomic) << 32);
+      return {b.bitcast(type, old)};
     }
     case ImageKind::QuerySize: return querySize(s);
     case ImageKind::QueryLevels: return {s.fields.i32(offsetof(ImageDescriptor, levelCount))};

@@ -12,7 +12,7 @@ namespace pumice::texture {
 struct ViewKey {
   uint16_t format = 0;        //!< index in allFormats() + 1; 0 = null view
   uint8_t viewType = 0;       //!< VkImageViewType
-  uint8_t tiled = 0;
+  uint8_t tiled = 0;          //!< Addressing flags (addressing.h)
   uint8_t aspect = 0;         //!< VK_IMAGE_ASPECT_{COLOR,DEPTH,STENCIL}_BIT
   uint8_t swizzle[4] = {};    //!< VkComponentSwizzle, identity resolved to R, G, B, A
   uint8_t samples = 0;

@@ -75,15 +75,16 @@ Value decode(Builder& b, const FormatInfo& f, const RawElement& raw, const Compo
     return b.convert(Op::FToF, Type::F32, b.bitcast(Type::F64, joinWords(b, raw[p.word], raw[p.word + 1])));
   }
   switch (c.numeric) {
+    // Fewer than 32 bits: signed conversion is the same, and a single instruction where the unsigned one is six.
     case Numeric::Unorm: {
-      if (!scale) return b.convert(Op::UToF, Type::F32, unshiftedBitField(b, f, raw, c));
-      return divideExact(b, b.convert(Op::UToF, Type::F32, bitField(b, f, raw, c)), lowMask(c.bits));
+      if (!scale) return b.convert(Op::SToF, Type::F32, unshiftedBitField(b, f, raw, c));
+      return divideExact(b, b.convert(Op::SToF, Type::F32, bitField(b, f, raw, c)), lowMask(c.bits));
     }
     case Numeric::Snorm: {
       Value v = b.convert(Op::SToF, Type::F32, signedBitField(b, f, raw, c));
       return b.fmax(divideExact(b, v, lowMask(c.bits - 1)), b.f32(-1.0f));
     }
-    case Numeric::Uscaled: return b.convert(Op::UToF, Type::F32, bitField(b, f, raw, c));
+    case Numeric::Uscaled: return b.convert(Op::SToF, Type::F32, bitField(b, f, raw, c));
     case Numeric::Sscaled: return b.convert(Op::SToF, Type::F32, signedBitField(b, f, raw, c));
     case Numeric::Uint: return bitField(b, f, raw, c);
     case Numeric::Sint: return signedBitField(b, f, raw, c);
@@ -175,7 +176,7 @@ Texel unpackShared(Builder& b, const FormatInfo& f, const RawElement& raw) {
   Value exponent = b.lshr(raw[0], b.i32(27));
   Value scale = b.bitcast(Type::F32, b.shl(b.iadd(exponent, b.i32(127 - kSharedBias - kSharedMantissa)), b.i32(23)));
   Texel t{};
-  for (int i = 0; i < 3; ++i) t[i] = b.fmul(b.convert(Op::UToF, Type::F32, bitField(b, f, raw, f.rgba[i])), scale);
+  for (int i = 0; i < 3; ++i) t[i] = b.fmul(b.convert(Op::SToF, Type::F32, bitField(b, f, raw, f.rgba[i])), scale);
   t[3] = b.f32(1.0f);
   return t;
 }
@@ -205,22 +206,6 @@ RawElement packShared(Builder& b, const FormatInfo& f, const Texel& texel) {
   RawElement raw{};
   raw[0] = word;
   return raw;
-}
-
-Texel unpackWith(Builder& b, const FormatInfo& f, const RawElement& raw, bool scale) {
-  if (f.flags & kSharedExponent) return unpackShared(b, f, raw);
-  Texel t{};
-  for (int i = 0; i < 4; ++i) {
-    const Component& c = f.rgba[i];
-    if (c.bits) {
-      t[i] = decode(b, f, raw, c, scale);
-    } else if (f.isInteger()) {
-      t[i] = b.i32(i == 3);
-    } else {
-      t[i] = b.f32(i == 3 ? 1.0f : 0.0f);
-    }
-  }
-  return t;
 }
 
 }  // namespace
@@ -254,9 +239,18 @@ const FormatInfo& planeFormat(const FormatInfo& f, VkImageAspectFlags aspect) {
   return *formatInfo(VK_FORMAT_S8_UINT);
 }
 
-Texel unpack(Builder& b, const FormatInfo& f, const RawElement& raw) { return unpackWith(b, f, raw, true); }
+Texel unpack(Builder& b, const FormatInfo& f, const RawElement& raw) {
+  Texel t;
+  for (int c = 0; c < 4; ++c) t[size_t(c)] = unpackComponent(b, f, raw, c, true);
+  return t;
+}
 
-Texel unpackUnscaled(Builder& b, const FormatInfo& f, const RawElement& raw) { return unpackWith(b, f, raw, false); }
+Value unpackComponent(Builder& b, const FormatInfo& f, const RawElement& raw, int component, bool scale) {
+  const Component& c = f.rgba[component];
+  if (f.flags & kSharedExponent) return unpackShared(b, f, raw)[size_t(component)];
+  if (c.bits) return decode(b, f, raw, c, scale);
+  return f.isInteger() ? b.i32(component == 3) : b.f32(component == 3 ? 1.0f : 0.0f);
+}
 
 Texel scaleTexel(Builder& b, const FormatInfo& f, const Texel& unscaled) {
   Texel t = unscaled;

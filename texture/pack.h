@@ -5,10 +5,10 @@
 
 namespace pumice::texture {
 
-//! unpack() without the division of Unorm components by 2^n - 1, and times a power of two where that saves a shift: filtering is
-//! linear, so one division after it does, with the same bits.
-Texel unpackUnscaled(ir::Builder& b, const FormatInfo& f, const RawElement& raw);
-//! The division that unpackUnscaled() left out.
+//! One component as unpack() gives it. Without `scale` the division of Unorm components by 2^n - 1 is left out, and a power of two
+//! is left in where that saves a shift: filtering is linear, so one division after it does.
+ir::Value unpackComponent(ir::Builder& b, const FormatInfo& f, const RawElement& raw, int component, bool scale);
+//! What unpackComponent() without `scale` left out.
 Texel scaleTexel(ir::Builder& b, const FormatInfo& f, const Texel& unscaled);
 
 //! v / (divisor * 2^exponent) of integers v / 2^exponent in f32, |v| <= divisor: correctly rounded for every divisor that formats have

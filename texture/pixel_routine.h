@@ -16,7 +16,7 @@ struct RoutineKey {
   uint8_t kind = None;
   uint8_t dimensions = 2;
   uint8_t linearFilter = 0;
-  uint8_t sourceTiled = 0, targetTiled = 0;
+  uint8_t sourceAddressing = 0, targetAddressing = 0;  //!< ViewKey::tiled
   uint8_t samples = 1;
   uint16_t sourceFormat = 0, targetFormat = 0;   //!< formatKey()
   uint16_t padding = 0;

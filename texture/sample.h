@@ -68,8 +68,8 @@ std::vector<ir::Value> queryLod(ImageBuild& s);
 
 //! Offset (i32) in a slice of the element that holds texel x, y: the texel itself, or its block.
 ir::Value texelOffset(ImageBuild& s, const SliceAddress& slice, const ir::Value (&at)[3]);
-//! The texel there; compressed ones are decoded.
-Texel loadTexelAt(ImageBuild& s, const SliceAddress& slice, const ir::Value (&at)[3], bool constant);
+//! The texel there; compressed ones are decoded (`scale`: of block.h).
+Texel loadTexelAt(ImageBuild& s, const SliceAddress& slice, const ir::Value (&at)[3], bool constant, bool scale = true);
 
 //! Applies a view's component swizzle.
 Texel swizzle(ir::Builder& b, const ViewKey& key, bool integer, const Texel& t);

@@ -5,6 +5,7 @@
 
 #include "tests/texture/run_ir.h"
 #include "tests/texture/test_image.h"
+#include "texture/addressing.h"
 
 namespace pumice::texture {
 
@@ -33,7 +34,7 @@ struct Bound {
     d.samples = image.layout.samples;
     view.format = uint16_t(image.layout.format->format);
     view.viewType = uint8_t(type);
-    view.tiled = image.layout.tiled;
+    view.tiled = addressing(image.layout.tiled, d.size);
     view.aspect = uint8_t(aspect);
     for (int c = 0; c < 4; ++c) view.swizzle[c] = uint8_t(VK_COMPONENT_SWIZZLE_R + c);
     view.samples = 1;
@@ -76,8 +77,8 @@ inline uint32_t word(float f) { return std::bit_cast<uint32_t>(f); }
 inline float real(uint32_t w) { return std::bit_cast<float>(w); }
 
 inline TestImage randomImage(VkFormat f, VkExtent3D extent, uint32_t levels = 1, uint32_t layers = 1, VkImageType type = VK_IMAGE_TYPE_2D,
-                      VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL) {
-  TestImage image(f, extent, levels, layers, type, tiling);
+                      VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL, VkImageUsageFlags usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT) {
+  TestImage image(f, extent, levels, layers, type, tiling, VK_SAMPLE_COUNT_1_BIT, usage);
   image.randomise(17);
   return image;
 }

@@ -152,7 +152,9 @@ TEST(Sample, MipLevelsAndDifferentFilters) {
     for (int filters = 0; filters < 4; ++filters) {
       SCOPED_TRACE(int(mip) * 10 + filters);
       // Powers of two, so that texel positions on all levels keep clear of borders.
-      Bound t(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {16, 8, 1}, 4));
+      Bound t(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {16, 8, 1}, 4, 1, VK_IMAGE_TYPE_2D, VK_IMAGE_TILING_OPTIMAL,
+                          filters & 1 ? VK_IMAGE_USAGE_SAMPLED_BIT : VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT));
+      if (filters == 3) t.view.tiled &= ~kCompact;  // as if it were one of many gigabytes
       t.address(VK_SAMPLER_ADDRESS_MODE_REPEAT);
       t.filter(VkFilter(filters & 1), VkFilter(filters >> 1), mip);
       t.descriptor.sampler.lodBias = 0.37f;
@@ -169,7 +171,11 @@ TEST(Sample, OneDimensionThreeDimensionsAndArrays) {
     Bound volume(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {7, 9, 5}, 1, 1, VK_IMAGE_TYPE_3D), VK_IMAGE_VIEW_TYPE_3D);
     Bound array(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {8, 8, 1}, 3, 4), VK_IMAGE_VIEW_TYPE_2D_ARRAY);
     Bound rows(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {11, 6, 1}, 1, 1, VK_IMAGE_TYPE_2D, VK_IMAGE_TILING_LINEAR));
-    for (Bound* t : {&line, &lines, &volume, &array, &rows}) {
+    Bound sampledVolume(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {7, 9, 5}, 1, 1, VK_IMAGE_TYPE_3D, VK_IMAGE_TILING_OPTIMAL, VK_IMAGE_USAGE_SAMPLED_BIT),
+                        VK_IMAGE_VIEW_TYPE_3D);
+    Bound vast(randomImage(VK_FORMAT_R8G8B8A8_UNORM, {8, 8, 1}, 3, 4), VK_IMAGE_VIEW_TYPE_2D_ARRAY);
+    vast.view.tiled &= ~kCompact;
+    for (Bound* t : {&line, &lines, &volume, &array, &rows, &sampledVolume, &vast}) {
       t->address(VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT);
       t->sampler.addressV = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
       t->filter(f, f);
@@ -178,6 +184,8 @@ TEST(Sample, OneDimensionThreeDimensionsAndArrays) {
     expectSamples(lines, ImageDim::D1, true);
     expectSamples(volume, ImageDim::D3, false);
     expectSamples(array, ImageDim::D2, true);
+    expectSamples(vast, ImageDim::D2, true);
+    expectSamples(sampledVolume, ImageDim::D3, false);
     expectSamples(rows, ImageDim::D2, false);
   }
 }

@@ -14,7 +14,8 @@ struct TestImage {
   std::vector<uint64_t> storage;
 
   TestImage(VkFormat format, VkExtent3D extent, uint32_t levels = 1, uint32_t layers = 1, VkImageType type = VK_IMAGE_TYPE_2D,
-            VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL, VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT) {
+            VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL, VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT,
+            VkImageUsageFlags usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT) {
     VkImageCreateInfo i{};
     i.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
     i.format = format;
@@ -23,6 +24,7 @@ struct TestImage {
     i.mipLevels = levels;
     i.arrayLayers = layers;
     i.samples = samples;
+    i.usage = usage;
     i.tiling = tiling;
     layout = imageLayout(i);
     storage.resize(layout.size / 8 + 8);
