@@ -67,24 +67,35 @@ void copyBuffer(base::ThreadPool& pool, const BufferMemory& buffer, const ImageM
   const bool mask = isD24(f, plane.aspect);
   const uint32_t slices = layers.count * box.depth;
 
-  parallelRanges(pool, slices * box.height, box.width * bytes, [&](uint32_t begin, uint32_t end) {
+  // In groups of up to four rows, those of a row of blocks, so that a block is touched once and by one thread.
+  const uint32_t firstGroup = box.y / 4, groups = (box.y + box.height + 3) / 4 - firstGroup;
+  parallelRanges(pool, slices * groups, box.width * bytes * 4, [&](uint32_t begin, uint32_t end) {
     std::vector<std::byte> masked;
     for (uint32_t i = begin; i < end; ++i) {
-      uint32_t slice = i / box.height, y = i % box.height;
-      uint32_t layer = slice / box.depth, z = slice % box.depth;
-      uint64_t at = region.bufferOffset + (uint64_t(layer) * region.imageExtent.depth + z) * slicePitch + y * pitch;
-      if (at >= buffer.size) continue;
-      uint32_t count = uint32_t(std::min<uint64_t>(box.width, (buffer.size - at) / bytes));
-      Slice s = sliceOf(image, plane, sub.mipLevel, layers.first + layer, 0, box.z + z);
-      std::byte* packed = buffer.base + at;
-      if constexpr (!kToImage) {
-        readRow(s, box.x, box.y + y, count, packed);
-      } else if (mask) {
-        masked.assign(packed, packed + count * bytes);
-        maskDepth24(masked.data(), count);
-        writeRow(s, box.x, box.y + y, count, masked.data());
-      } else {
-        writeRow(s, box.x, box.y + y, count, packed);
+      const uint32_t slice = i / groups, group = firstGroup + i % groups;
+      const uint32_t layer = slice / box.depth, z = slice % box.depth;
+      const uint32_t y0 = std::max(box.y, 4 * group), y1 = std::min(box.y + box.height, 4 * group + 4);
+      const Slice s = sliceOf(image, plane, sub.mipLevel, layers.first + layer, 0, box.z + z);
+      const uint64_t at = region.bufferOffset + (uint64_t(layer) * region.imageExtent.depth + z) * slicePitch + (y0 - box.y) * pitch;
+      if (y1 - y0 == 4 && !mask && at + 3 * pitch + box.width * bytes <= buffer.size) {
+        if constexpr (kToImage) writeFourRows(s, box.x, y0, box.width, buffer.base + at, pitch);
+        else readFourRows(s, box.x, y0, box.width, buffer.base + at, pitch);
+        continue;
+      }
+      for (uint32_t y = y0; y < y1; ++y) {
+        const uint64_t from = at + (y - y0) * pitch;
+        if (from >= buffer.size) break;
+        const uint32_t count = uint32_t(std::min<uint64_t>(box.width, (buffer.size - from) / bytes));
+        std::byte* packed = buffer.base + from;
+        if constexpr (!kToImage) {
+          readRow(s, box.x, y, count, packed);
+        } else if (mask) {
+          masked.assign(packed, packed + count * bytes);
+          maskDepth24(masked.data(), count);
+          writeRow(s, box.x, y, count, masked.data());
+        } else {
+          writeRow(s, box.x, y, count, packed);
+        }
       }
     }
   });
@@ -108,12 +119,36 @@ void copySlice(base::ThreadPool& pool, const Slice& s, const Box& from, const Sl
     });
     return;
   }
+  const uint64_t width = from.width * bytes;
+  auto place = [bytes](const Slice& slice, const Box& box, uint32_t y) { return slice.row(box.y + y) + box.x * bytes; };
+  if (!s.tiled && !d.tiled) {
+    parallelRanges(pool, from.height, width, [&](uint32_t begin, uint32_t end) {
+      for (uint32_t y = begin; y < end; ++y) std::memcpy(place(d, to, y), place(s, from, y), width);
+    });
+    return;
+  }
   // Ranges of whole groups of four rows, so that no two threads write to one line.
   parallelRanges(pool, divideUp(from.height, 4), from.width * bytes * 4, [&](uint32_t begin, uint32_t end) {
-    std::vector<std::byte> row(from.width * bytes);
-    for (uint32_t y = 4 * begin; y < std::min(4 * end, from.height); ++y) {
-      readRow(s, from.x, from.y + y, from.width, row.data());
-      writeRow(d, to.x, to.y + y, from.width, row.data());
+    std::vector<std::byte> row(s.tiled && d.tiled ? width : 0);
+    for (uint32_t y = 4 * begin; y < std::min(4 * end, from.height);) {
+      const bool four = y + 4 <= from.height;
+      if (!d.tiled && four && (from.y + y) % 4 == 0) {
+        readFourRows(s, from.x, from.y + y, from.width, place(d, to, y), d.level->rowPitch);
+        y += 4;
+      } else if (!s.tiled && four && (to.y + y) % 4 == 0) {
+        writeFourRows(d, to.x, to.y + y, from.width, place(s, from, y), s.level->rowPitch);
+        y += 4;
+      } else if (!d.tiled) {
+        readRow(s, from.x, from.y + y, from.width, place(d, to, y));
+        ++y;
+      } else if (!s.tiled) {
+        writeRow(d, to.x, to.y + y, from.width, place(s, from, y));
+        ++y;
+      } else {
+        readRow(s, from.x, from.y + y, from.width, row.data());
+        writeRow(d, to.x, to.y + y, from.width, row.data());
+        ++y;
+      }
     }
   });
 }

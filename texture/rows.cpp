@@ -68,7 +68,49 @@ void moveRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* 
   }
 }
 
+// Whole blocks from column x, a multiple of 4.
+template <typename Size, bool kRead>
+void tiledBlocks(std::byte* block, uint32_t blocks, std::byte* packed, uint64_t pitch, uint32_t elementBytes) {
+  const uint64_t size = Size::bytes(elementBytes);
+  for (uint32_t i = 0; i < blocks; ++i, block += 16 * size, packed += 4 * size) {
+    for (uint32_t y = 0; y < 4; ++y) {
+      std::byte *image = block + blockIndex(0, y) * size, *flat = packed + y * pitch;
+      for (int half = 0; half < 2; ++half, image += 4 * size, flat += 2 * size) {
+        if constexpr (kRead) {
+          std::memcpy(flat, image, 2 * size);
+        } else {
+          std::memcpy(image, flat, 2 * size);
+        }
+      }
+    }
+  }
+}
+
+template <bool kRead>
+void moveFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* packed, uint64_t pitch) {
+  uint32_t blocks = s.tiled && x % 4 == 0 ? count / 4 : 0;
+  if (blocks) {
+    std::byte* first = s.row(y) + uint64_t(x) * 4 * s.elementBytes;
+    switch (s.elementBytes) {
+      case 1: tiledBlocks<FixedSize<1>, kRead>(first, blocks, packed, pitch, 1); break;
+      case 2: tiledBlocks<FixedSize<2>, kRead>(first, blocks, packed, pitch, 2); break;
+      case 4: tiledBlocks<FixedSize<4>, kRead>(first, blocks, packed, pitch, 4); break;
+      case 8: tiledBlocks<FixedSize<8>, kRead>(first, blocks, packed, pitch, 8); break;
+      case 16: tiledBlocks<FixedSize<16>, kRead>(first, blocks, packed, pitch, 16); break;
+      default: blocks = 0; break;
+    }
+  }
+  if (const uint32_t done = 4 * blocks; done < count)
+    for (uint32_t i = 0; i < 4; ++i) moveRow<kRead>(s, x + done, y + i, count - done, packed + i * pitch + uint64_t(done) * s.elementBytes);
+}
+
 }  // namespace
+
+void readFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out, uint64_t pitch) { moveFourRows<true>(s, x, y, count, out, pitch); }
+
+void writeFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in, uint64_t pitch) {
+  moveFourRows<false>(s, x, y, count, const_cast<std::byte*>(in), pitch);
+}
 
 void readRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out) { moveRow<true>(s, x, y, count, out); }
 

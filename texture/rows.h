@@ -34,6 +34,9 @@ inline Slice sliceOf(const ImageMemory& image, const PlaneLayout& plane, uint32_
 //! Copies `count` elements between a row of an image and packed memory. Element 0 is column x.
 void readRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out);
 void writeRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in);
+//! The same for rows y to y + 3, y a multiple of 4; packed rows are `pitch` bytes apart. Blocks are touched once.
+void readFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out, uint64_t pitch);
+void writeFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in, uint64_t pitch);
 
 enum class Store { kCached, kStream };
 //! Whole fills and copies of this many bytes would only push everything else out of the caches: they go past them.
