@@ -108,6 +108,13 @@ class FragmentExpander : public StageExpander {
     auto it = pipeline_.link.varyingOf.find(uint64_t(variable) << 32 | component);
     if (it == pipeline_.link.varyingOf.end()) return b.zero(type);
     Value v = values_[it->second];
+    if (is64Bit(type)) {
+      auto high = pipeline_.link.highWordOf.find(uint64_t(variable) << 32 | component);
+      if (high == pipeline_.link.highWordOf.end()) return b.zero(type);
+      const Value words[2] = {b.bitcast(Type::I32, v), b.bitcast(Type::I32, values_[high->second])};
+      const Value wide = b.shl(b.convert(ir::Op::ZExt, Type::I64, words[1]), b.i64(32));
+      return toType(b, type, b.or_(b.convert(ir::Op::ZExt, Type::I64, words[0]), wide));
+    }
     if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat) return toType(b, type, v);
     if (operands.size() == 2)   // interpolateAtOffset
       v = interpolate(b, it->second, b.fadd(centreX_, operands[0]), b.fadd(centreY_, operands[1]));

@@ -18,8 +18,6 @@ void forEach(const Shader& shader, ir::Op op, F&& f) {
     if (i.op == op) f(i);
 }
 
-bool is64Bit(ir::Type t) { return t == ir::Type::I64 || t == ir::Type::F64; }
-
 bool hasImage(VkDescriptorType t) {
   return t == VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER || t == VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE ||
          t == VK_DESCRIPTOR_TYPE_STORAGE_IMAGE || t == VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT;
@@ -67,11 +65,14 @@ std::vector<uint64_t> writtenOutputs(const Shader& shader) {
 
 base::Result<StageLink> linkStages(const GraphicsState& state, const Shader& vertex, const Shader* fragment) {
   StageLink link;
-  std::map<Place, ir::Type> written;
+  std::set<Place> written;
   for (uint64_t imm : writtenOutputs(vertex)) {
     const frontend::InterfaceVariable& v = vertex.outputs[imm >> 32];
     if (!v.builtIn) {
-      written[place(v, uint32_t(imm))] = v.type;
+      if (is64Bit(v.type))
+        written.insert({wordPlace(v, uint32_t(imm), 0), wordPlace(v, uint32_t(imm), 1)});
+      else
+        written.insert(place(v, uint32_t(imm)));
       continue;
     }
     const uint32_t component = uint32_t(imm);
@@ -96,19 +97,23 @@ base::Result<StageLink> linkStages(const GraphicsState& state, const Shader& ver
   forEach(*fragment, ir::Op::ShaderInput, [&](const ir::Inst& i) { reads.insert(i.imm); });
   for (uint64_t imm : reads) {
     const frontend::InterfaceVariable& v = fragment->inputs[imm >> 32];
-    const Place p = place(v, uint32_t(imm));
-    auto from = written.find(p);
-    if (from == written.end()) continue;
-    if (is64Bit(v.type) || is64Bit(from->second))
-      return base::errorf("location %u: 64-bit variables between stages are not supported yet", p.location);
     raster::VaryingMode mode = raster::VaryingMode::Perspective;
     if (v.interpolation == frontend::Interpolation::Linear) mode = raster::VaryingMode::Linear;
-    if (v.interpolation == frontend::Interpolation::Flat || ir::isInt(v.type)) mode = raster::VaryingMode::Flat;
-    auto [row, fresh] = link.rows.try_emplace(p, link.rowCount);
-    if (fresh) ++link.rowCount;
-    auto [varying, added] = known.try_emplace({p, mode}, uint32_t(link.varyings.size()));
-    if (added) link.varyings.push_back({uint16_t(row->second), mode});
-    link.varyingOf[imm] = varying->second;
+    if (v.interpolation == frontend::Interpolation::Flat || ir::isInt(v.type) || is64Bit(v.type)) mode = raster::VaryingMode::Flat;
+    const auto take = [&](const Place& p, std::map<uint64_t, uint32_t>& varyingOf) {
+      if (!written.count(p)) return;
+      auto [row, fresh] = link.rows.try_emplace(p, link.rowCount);
+      if (fresh) ++link.rowCount;
+      auto [varying, added] = known.try_emplace({p, mode}, uint32_t(link.varyings.size()));
+      if (added) link.varyings.push_back({uint16_t(row->second), mode});
+      varyingOf[imm] = varying->second;
+    };
+    if (is64Bit(v.type)) {
+      take(wordPlace(v, uint32_t(imm), 0), link.varyingOf);
+      take(wordPlace(v, uint32_t(imm), 1), link.highWordOf);
+    } else {
+      take(place(v, uint32_t(imm)), link.varyingOf);
+    }
   }
   link.unread = uint32_t(written.size() - link.rows.size());
   forEach(*fragment, ir::Op::Builtin, [&](const ir::Inst& i) {

@@ -29,6 +29,12 @@ inline Place place(const frontend::InterfaceVariable& v, uint32_t component) {
   return {v.location + component / 4, v.component + component % 4, v.index};
 }
 
+//! One of the two words of a 64-bit scalar. Its component is 0 or 1 within the location (see InterfaceVariable).
+inline Place wordPlace(const frontend::InterfaceVariable& v, uint32_t component, uint32_t word) {
+  return {v.location + component / 4, v.component + component % 4 * 2 + word, v.index};
+}
+inline bool is64Bit(ir::Type t) { return t == ir::Type::I64 || t == ir::Type::F64; }
+
 //! The interface between the vertex and the fragment stage. Only what the fragment shader statically reads and the
 //! vertex shader writes takes part; what is read but not written is zero.
 struct StageLink {
@@ -39,7 +45,8 @@ struct StageLink {
   uint32_t clipDistances = 0, cullDistances = 0;
   std::vector<raster::Varying> varyings;       //!< order of the planes
   uint32_t unread = 0;                         //!< scalars that the vertex shader writes for nothing
-  std::map<uint64_t, uint32_t> varyingOf;      //!< fragment ShaderInput's imm -> index in varyings
+  std::map<uint64_t, uint32_t> varyingOf;      //!< fragment ShaderInput's imm -> index in varyings (64 bits: of the low word)
+  std::map<uint64_t, uint32_t> highWordOf;     //!< the same of the high words
   std::map<uint64_t, uint32_t> builtInOf;      //!< fragment Builtin's imm -> index in varyings, for those that are interpolated
 };
 base::Result<StageLink> linkStages(const GraphicsState& state, const frontend::Shader& vertex, const frontend::Shader* fragment);

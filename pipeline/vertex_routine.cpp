@@ -15,6 +15,9 @@ namespace {
 
 constexpr uint32_t kSlotVertexIndex = 0, kSlotInstanceIndex = 1;
 
+//! The scalar of a 64-bit input, as I64. Attributes of more than two components go on in the next location.
+Value fetchWideAttribute(ir::Builder& b, const GraphicsState& state, const frontend::InterfaceVariable& v, uint32_t component);
+
 class VertexExpander : public StageExpander {
  public:
   VertexExpander(const GraphicsPipeline& p, const VertexKey& key)
@@ -29,6 +32,7 @@ class VertexExpander : public StageExpander {
   }
 
   Value shaderInput(ir::Builder& b, Type type, uint32_t variable, uint32_t component, std::span<const Value>) override {
+    if (is64Bit(type)) return toType(b, type, fetchWideAttribute(b, pipeline_.state, shader_.inputs[variable], component));
     const Place p = place(shader_.inputs[variable], component);
     const bool checked = checks_ && checked_.insert(p.location).second;   // once for all components
     const texture::Texel texel = fetchAttribute(b, pipeline_.state, p.location, checked);
@@ -46,6 +50,11 @@ class VertexExpander : public StageExpander {
       if (v.location == kLayer) row = link.layerRow;
       if (v.location == kClipDistance) row = link.clipDistanceRow + int32_t(component);
       if (v.location == kCullDistance) row = link.cullDistanceRow + int32_t(component);
+    } else if (is64Bit(v.type)) {
+      const Value bits = toType(b, Type::I64, value);
+      for (uint32_t word = 0; word < 2; ++word)
+        if (auto it = pipeline_.link.rows.find(wordPlace(v, component, word)); it != pipeline_.link.rows.end())
+          b.set(rows_[it->second], toType(b, Type::F32, b.convert(ir::Op::Trunc, Type::I32, word ? b.lshr(bits, b.i64(32)) : bits)));
     } else if (auto it = pipeline_.link.rows.find(place(v, component)); it != pipeline_.link.rows.end()) {
       row = int32_t(it->second);
     }
@@ -74,7 +83,15 @@ class VertexExpander : public StageExpander {
 
 }  // namespace
 
-texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location, bool checked) {
+namespace {
+
+//! Where an attribute of the current vertex lies: memory and its size (i64), and the offset in it.
+struct AttributePlace {
+  const texture::FormatInfo* format = nullptr;   //!< null: there is no such attribute
+  Value base = 0, offset = 0, size = 0;
+};
+
+AttributePlace locateAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location, bool checked = false) {
   const VkVertexInputAttributeDescription* attribute = nullptr;
   for (const auto& a : state.vertexAttributes)
     if (a.location == location) attribute = &a;
@@ -83,7 +100,7 @@ texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32
     for (const auto& v : state.vertexBindings)
       if (v.binding == attribute->binding) binding = &v;
   const texture::FormatInfo* format = attribute ? texture::formatInfo(attribute->format) : nullptr;
-  if (!binding || !format) return {b.f32(0), b.f32(0), b.f32(0), b.f32(1)};
+  if (!binding || !format) return {};
 
   const size_t buffer = offsetof(DrawConstants, vertexBuffers) + sizeof(VertexBufferRef) * binding->binding;
   const Value base = b.uniform(Type::I64, uint32_t(buffer + offsetof(VertexBufferRef, base)));
@@ -103,9 +120,29 @@ texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32
     const Value operands[] = {b.mask(true), offset, b.i32(format->elementBytes), size};
     b.emit(ir::Op::Check, Type::None, operands, ir::checkImm({ir::CheckKind::Vertex, ir::Op::LoadConst, Type::None, location}));
   }
-  if (!state.wholeAttributes) return texture::loadTexel(b, *format, base, offset, size, true);
+  if (!state.wholeAttributes) return {format, base, offset, size};
   const Value inside = b.ule(b.iadd(offset, b.i64(format->elementBytes)), size);
-  return texture::loadTexel(b, *format, base, offset, b.select(inside, size, b.i64(0)), true);
+  return {format, base, offset, b.select(inside, size, b.i64(0))};
+}
+
+Value fetchWideAttribute(ir::Builder& b, const GraphicsState& state, const frontend::InterfaceVariable& v, uint32_t component) {
+  const Place p = wordPlace(v, component, 0);
+  uint32_t element = p.component / 2;
+  AttributePlace at = locateAttribute(b, state, p.location);
+  if (!at.format && p.location > v.location) {
+    at = locateAttribute(b, state, p.location - 1);
+    element += 2;
+  }
+  if (!at.format || at.format->rgba[element & 3].bits != 64) return b.i64(0);
+  return b.load(Type::I64, at.base, b.iadd(at.offset, b.i64(8 * (element & 3))), at.size);
+}
+
+}  // namespace
+
+texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32_t location, bool checked) {
+  const AttributePlace at = locateAttribute(b, state, location, checked);
+  if (!at.format) return {b.f32(0), b.f32(0), b.f32(0), b.f32(1)};
+  return texture::loadTexel(b, *at.format, at.base, at.offset, at.size, true);
 }
 
 static std::string vertexText(const interp::ExecContext& context, uint32_t lane) {

@@ -213,7 +213,8 @@ VkFormatFeatureFlags2 optimalFeatures(const FormatInfo& f) {
 VkFormatFeatureFlags2 linearFeatures(const FormatInfo& f) { return f.isDepthStencil() ? 0 : colorImageFeatures(f); }
 
 VkFormatFeatureFlags2 bufferFeatures(const FormatInfo& f) {
-  if (f.isCompressed() || f.isDepthStencil() || isWide(f) || isSrgb(f)) return 0;
+  if (isWide(f)) return VK_FORMAT_FEATURE_2_VERTEX_BUFFER_BIT;
+  if (f.isCompressed() || f.isDepthStencil() || isSrgb(f)) return 0;
   VkFormatFeatureFlags2 features = 0;
   if (!(f.flags & kSharedExponent)) features |= VK_FORMAT_FEATURE_2_VERTEX_BUFFER_BIT;
   if (!isScaled(f)) features |= VK_FORMAT_FEATURE_2_UNIFORM_TEXEL_BUFFER_BIT;
