@@ -25,7 +25,7 @@ void initVulkan11(VkPhysicalDeviceVulkan11Properties& p, uint64_t heapBytes) {
   p.subgroupSupportedOperations = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
                                   VK_SUBGROUP_FEATURE_BALLOT_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT |
                                   VK_SUBGROUP_FEATURE_CLUSTERED_BIT | VK_SUBGROUP_FEATURE_QUAD_BIT;
-  p.subgroupQuadOperationsInAllStages = VK_FALSE;   // in fragment and compute shaders
+  p.subgroupQuadOperationsInAllStages = VK_TRUE;
   p.pointClippingBehavior = VK_POINT_CLIPPING_BEHAVIOR_ALL_CLIP_PLANES;
   p.maxMultiviewViewCount = 6;
   p.maxMultiviewInstanceIndex = 0x7fffffff;
@@ -95,7 +95,7 @@ void initVulkan12(VkPhysicalDeviceVulkan12Properties& p, const VkPhysicalDeviceL
 void initVulkan13(VkPhysicalDeviceVulkan13Properties& p, const VkPhysicalDeviceLimits& l, uint64_t heapBytes) {
   p.minSubgroupSize = p.maxSubgroupSize = ir::kSubgroupLanes;
   p.maxComputeWorkgroupSubgroups = pipeline::kMaxGroupInvocations / ir::kSubgroupLanes;
-  p.requiredSubgroupSizeStages = VK_SHADER_STAGE_COMPUTE_BIT;
+  p.requiredSubgroupSizeStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
   // Bytes of a block and of all of a stage or a set; only host memory bounds them.
   p.maxInlineUniformBlockSize = 64 << 10;
   p.maxPerStageDescriptorInlineUniformBlocks = p.maxPerStageDescriptorUpdateAfterBindInlineUniformBlocks = kMany;

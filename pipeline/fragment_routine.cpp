@@ -111,11 +111,12 @@ class FragmentExpander : public StageExpander {
     if (is64Bit(type)) {
       auto high = pipeline_.link.highWordOf.find(uint64_t(variable) << 32 | component);
       if (high == pipeline_.link.highWordOf.end()) return b.zero(type);
-      const Value words[2] = {b.bitcast(Type::I32, v), b.bitcast(Type::I32, values_[high->second])};
+      const Value words[2] = {toType(b, Type::I32, v), toType(b, Type::I32, values_[high->second])};
       const Value wide = b.shl(b.convert(ir::Op::ZExt, Type::I64, words[1]), b.i64(32));
       return toType(b, type, b.or_(b.convert(ir::Op::ZExt, Type::I64, words[0]), wide));
     }
-    if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat) return toType(b, type, v);
+    if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat)
+      return toType(b, type, ir::isFloat(type) ? toType(b, Type::F32, v) : v);
     if (operands.size() == 2)   // interpolateAtOffset
       v = interpolate(b, it->second, b.fadd(centreX_, operands[0]), b.fadd(centreY_, operands[1]));
     else if (operands.size() == 1 && pipeline_.state.samples > 1)   // interpolateAtSample
@@ -136,6 +137,7 @@ class FragmentExpander : public StageExpander {
     auto it = colors_.find({p.location, p.index});
     if (it == colors_.end() || p.component > 3) return;
     const Value target = it->second[p.component];
+    if (v.isSigned && ir::isInt(v.type) && ir::typeBytes(v.type) < 4) value = b.convert(ir::Op::SExt, Type::I32, value);
     b.set(target, toType(b, b.type(target), value));
   }
 

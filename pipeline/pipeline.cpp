@@ -42,11 +42,12 @@ base::Status checkVertexInput(const GraphicsState& s, const frontend::Shader& ve
     if (binding.binding >= kMaxVertexBindings) return base::errorf("vertex binding %u: at most %u are possible", binding.binding, kMaxVertexBindings);
   for (const ir::Inst& i : vertex.function.insts) {
     if (i.op != ir::Op::ShaderInput) continue;
-    const Place p = place(vertex.inputs[i.imm >> 32], uint32_t(i.imm));
-    if (ir::typeBytes(i.type) == 8) return base::errorf("vertex input at location %u: 64-bit attributes are not supported", p.location);
+    const frontend::InterfaceVariable& v = vertex.inputs[i.imm >> 32];
+    const Place p = place(v, uint32_t(i.imm));
     const VkVertexInputAttributeDescription* attribute = nullptr;
     for (const auto& a : s.vertexAttributes)
-      if (a.location == p.location) attribute = &a;
+      // Of 64-bit attributes the third and fourth component lie in the next location.
+      if (a.location == p.location || (!attribute && is64Bit(v.type) && p.location > v.location && a.location == p.location - 1)) attribute = &a;
     if (!attribute) return base::errorf("the vertex shader reads location %u, for which there is no attribute", p.location);
     const texture::FormatInfo* f = texture::formatInfo(attribute->format);
     if (!f || f->isCompressed() || f->isDepthStencil())

@@ -91,6 +91,8 @@ class Device {
   VkPhysicalDeviceMultiDrawFeaturesEXT multiDraw{};
   VkPhysicalDeviceVertexAttributeDivisorFeaturesEXT divisor{};
   VkPhysicalDeviceShaderAtomicFloatFeaturesEXT atomicFloat{};
+  VkPhysicalDeviceShaderAtomicFloat2FeaturesEXT atomicFloat2{};
+  VkPhysicalDeviceShaderSubgroupUniformControlFlowFeaturesKHR subgroupUniformFlow{};
   std::vector<std::string> extensions;  // enabled
   // All false without the extension.
   VkPhysicalDeviceProvokingVertexFeaturesEXT provokingVertex{};

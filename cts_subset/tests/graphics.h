@@ -33,11 +33,12 @@ struct GraphicsSpec {
   bool primitiveRestart = false;
   VkPipelineCreateFlags flags = 0;
   const void* next = nullptr;
+  const void* stageNext = nullptr;       // of both stages
 };
 
 inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const GraphicsSpec& spec, VkPipeline* made) {
   VkPipelineShaderStageCreateInfo stages[2]{};
-  for (auto& s : stages) s.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, s.pName = "main";
+  for (auto& s : stages) s.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, s.pName = "main", s.pNext = spec.stageNext;
   stages[0].stage = VK_SHADER_STAGE_VERTEX_BIT;
   stages[0].module = work.shader(VK_SHADER_STAGE_VERTEX_BIT, spec.vertex, ShaderTarget::kVulkan13);
   stages[1].stage = VK_SHADER_STAGE_FRAGMENT_BIT;

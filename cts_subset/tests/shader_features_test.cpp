@@ -340,6 +340,37 @@ void main() {
 })", Words(1), 64 * 32, spec), Words(64 * 32, 0));
 }
 
+TEST_P(ShaderFeatures, FloatAtomicsOfLeastAndGreatest) {
+  const auto& f = device().atomicFloat2;
+  PUMICE_NEED_FEATURE(f.shaderBufferFloat32AtomicMinMax && f.shaderSharedFloat32AtomicMinMax && f.shaderBufferFloat64AtomicMinMax &&
+                      f.shaderSharedFloat64AtomicMinMax && device().features.shaderFloat64);
+  Words in = wordsOf(std::vector<double>{0, 1e9, -1e9});
+  std::memcpy(&in[0], (const float[2]){1e9f, -1e9f}, 8);
+  std::vector<double> r = valuesOf<double>(runCompute(device(), R"(
+#extension GL_EXT_shader_atomic_float2 : require
+layout(local_size_x = 64) in;
+layout(binding = 0) buffer In { float least, greatest; double wideLeast, wideGreatest; };
+layout(binding = 1) buffer Out { double r[]; };
+shared float a, c;
+shared double b, e;
+void main() {
+  if (gl_LocalInvocationIndex == 0) { a = c = 0.25; b = e = 0.25LF; }
+  barrier();
+  float x = float(int(gl_LocalInvocationIndex * 37 % 64) - 20) * 0.5;
+  double y = double(x) * 1.000000000001LF;
+  atomicMin(least, x); atomicMax(greatest, x); atomicMin(wideLeast, y); atomicMax(wideGreatest, y);
+  atomicMin(a, x); atomicMax(c, x); atomicMin(b, y); atomicMax(e, y);
+  barrier();
+  memoryBarrierBuffer();
+  if (gl_LocalInvocationIndex == 0) {
+    r[0] = double(least); r[1] = double(greatest); r[2] = wideLeast; r[3] = wideGreatest;
+    r[4] = double(a); r[5] = double(c); r[6] = b; r[7] = e;
+  }
+})", in, 16));
+  const double low = -10 * 1.000000000001, high = 21.5 * 1.000000000001;
+  expect(r, std::vector<double>{-10, 21.5, low, high, -10, 21.5, low, high});
+}
+
 TEST_P(ShaderFeatures, FloatAtomics) {
   const auto& f = device().atomicFloat;
   PUMICE_NEED_FEATURE(f.shaderBufferFloat32AtomicAdd && f.shaderSharedFloat32AtomicAdd && f.shaderBufferFloat64AtomicAdd && f.shaderSharedFloat64AtomicAdd &&
