@@ -166,8 +166,9 @@ VKAPI_ATTR void VKAPI_CALL vkGetPhysicalDeviceQueueFamilyProperties2(VkPhysicalD
     for (auto* s = static_cast<VkBaseOutStructure*>(p.pNext); s; s = s->pNext)
       if (s->sType == VK_STRUCTURE_TYPE_QUEUE_FAMILY_GLOBAL_PRIORITY_PROPERTIES_KHR) {
         auto& priority = *reinterpret_cast<VkQueueFamilyGlobalPriorityPropertiesKHR*>(s);
-        priority.priorityCount = 1;
-        priority.priorities[0] = VK_QUEUE_GLOBAL_PRIORITY_MEDIUM_KHR;
+        priority.priorityCount = 2;
+        priority.priorities[0] = VK_QUEUE_GLOBAL_PRIORITY_LOW_KHR;
+        priority.priorities[1] = VK_QUEUE_GLOBAL_PRIORITY_MEDIUM_KHR;
       }
   });
 }

@@ -82,6 +82,8 @@ class FragmentExpander : public StageExpander {
         Texel& t = colors_[{p.location, p.index}];
         for (Value& c : t) c = b.var(integer ? Type::I32 : Type::F32);
       }
+      // Coverage is made from it even where no attachment takes it.
+      if (s.alphaToCoverage && !alpha_ && !v.builtIn && p == Place{0, 3, 0} && ir::isFloat(v.type)) alpha_ = b.var(Type::F32);
     }
     if (shader_.mayDiscard) killed_ = b.var(Type::Mask);
   }
@@ -96,6 +98,7 @@ class FragmentExpander : public StageExpander {
   Value killed() const { return killed_; }
   Value depth() const { return depth_; }
   Value sampleMask() const { return sampleMask_; }
+  Value alpha() const { return alpha_; }
   bool writes(uint32_t attachment) const { return colors_.count({attachment, 0}) != 0; }
   Texel color(ir::Builder& b, uint32_t attachment, uint32_t index) const {
     Texel t;
@@ -134,6 +137,7 @@ class FragmentExpander : public StageExpander {
       if (v.location == kSampleMask && component == 0) b.set(sampleMask_, toType(b, Type::I32, value));
       return;
     }
+    if (alpha_ && p == Place{0, 3, 0}) b.set(alpha_, toType(b, Type::F32, value));
     auto it = colors_.find({p.location, p.index});
     if (it == colors_.end() || p.component > 3) return;
     const Value target = it->second[p.component];
@@ -197,7 +201,7 @@ class FragmentExpander : public StageExpander {
   const GraphicsPipeline& pipeline_;
   const ShaderTraits& traits_;
   std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
-  Value depth_ = 0, sampleMask_ = 0, killed_ = 0;
+  Value depth_ = 0, sampleMask_ = 0, alpha_ = 0, killed_ = 0;
   Value x_ = 0, y_ = 0, covered_ = 0, fragDepth_ = 0, coverage_ = 0;
   Value centreX_ = 0, centreY_ = 0;   // of the pixel; x_ and y_ are where it is shaded
   Value rasterized_ = 0;   // coverage before the sample mask: what centroid is made of
@@ -374,8 +378,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   std::vector<Texel> colors(state.colorCount), colors1(state.colorCount);
   for (uint32_t a = 0; a < state.colorCount; ++a)
     if (expander.writes(a)) colors[a] = expander.color(b, a, 0), colors1[a] = expander.color(b, a, 1);
-  Value alpha = 0;
-  if (expander.writes(0) && ir::isFloat(b.type(colors[0][3]))) alpha = colors[0][3];
+  const Value alpha = expander.alpha() ? b.get(expander.alpha()) : 0;
   if (state.alphaToOne)
     for (uint32_t a = 0; a < state.colorCount; ++a)
       for (Texel* texel : {&colors[a], &colors1[a]})

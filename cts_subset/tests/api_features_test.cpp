@@ -63,6 +63,19 @@ TEST_P(ApiFeatures, BudgetPrioritiesAndCalibratedTimestamps) {
     uint32_t one = 1;
     vkGetPhysicalDeviceQueueFamilyProperties2(device().physical, &one, &family);
     EXPECT_GE(priorities.priorityCount, 1u);
+    // Devices are made with those priorities that are reported and with no others.
+    const auto end = priorities.priorities + priorities.priorityCount;
+    for (VkQueueGlobalPriorityKHR p : {VK_QUEUE_GLOBAL_PRIORITY_LOW_KHR, VK_QUEUE_GLOBAL_PRIORITY_MEDIUM_KHR, VK_QUEUE_GLOBAL_PRIORITY_HIGH_KHR}) {
+      VkDeviceQueueGlobalPriorityCreateInfoKHR wanted{VK_STRUCTURE_TYPE_DEVICE_QUEUE_GLOBAL_PRIORITY_CREATE_INFO_KHR, nullptr, p};
+      const float priority = 1;
+      VkDeviceQueueCreateInfo queue{VK_STRUCTURE_TYPE_DEVICE_QUEUE_CREATE_INFO, &wanted, 0, device().family, 1, &priority};
+      const char* extension = VK_KHR_GLOBAL_PRIORITY_EXTENSION_NAME;
+      VkDeviceCreateInfo info{VK_STRUCTURE_TYPE_DEVICE_CREATE_INFO, nullptr, 0, 1, &queue, 0, nullptr, 1, &extension, nullptr};
+      VkDevice made = VK_NULL_HANDLE;
+      VkResult result = vkCreateDevice(device().physical, &info, nullptr, &made);
+      EXPECT_EQ(result == VK_SUCCESS, std::find(priorities.priorities, end, p) != end) << "priority " << p << " gives " << result;
+      if (made) vkDestroyDevice(made, nullptr);
+    }
   }
 }
 

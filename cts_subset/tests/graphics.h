@@ -31,6 +31,7 @@ struct GraphicsSpec {
   std::vector<VkVertexInputAttributeDescription> attributes;
   const void* inputNext = nullptr;
   bool primitiveRestart = false;
+  bool alphaToCoverage = false;
   VkPipelineCreateFlags flags = 0;
   const void* next = nullptr;
   const void* stageNext = nullptr;       // of both stages
@@ -64,6 +65,7 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   VkPipelineMultisampleStateCreateInfo multisample{};
   multisample.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
   multisample.rasterizationSamples = spec.samples;
+  multisample.alphaToCoverageEnable = spec.alphaToCoverage;
   VkPipelineDepthStencilStateCreateInfo depth{};
   depth.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
   depth.depthTestEnable = spec.depthTest;

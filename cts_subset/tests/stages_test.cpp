@@ -216,6 +216,53 @@ TEST_P(Stages, RequiredSubgroupSize) {
   EXPECT_EQ(draw(spec, {}, 16), Words(16, v13.maxSubgroupSize));
 }
 
+// The alpha of location 0 decides about coverage although there is no attachment for it.
+TEST_P(Stages, AlphaToCoverageWithoutAttachment) {
+  PUMICE_NEED_FEATURE(device().features.occlusionQueryPrecise && device().vulkan13.dynamicRendering);
+  for (VkFormat format : {VK_FORMAT_UNDEFINED, VK_FORMAT_R8G8B8A8_UNORM})
+    for (uint32_t alpha : {0u, 1u}) {
+      SCOPED_TRACE(testing::Message() << "format " << format << " alpha " << alpha);
+      Workspace work(device());
+      GraphicsSpec spec;
+      spec.colors = {format};
+      spec.samples = VK_SAMPLE_COUNT_4_BIT;
+      spec.alphaToCoverage = true;
+      spec.fragment = "#version 460\nlayout(push_constant) uniform P { vec4 given; };\nlayout(location = 0) out vec4 color;\n"
+                      "void main() { color = vec4(1, 1, 1, given.x); }\n";
+      VkPipelineLayout layout = makePipelineLayout(work, {}, 16, kGraphics);
+      VkPipeline pipeline = makeGraphics(work, layout, spec);
+      VkQueryPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_OCCLUSION, 1, 0};
+      VkQueryPool queries = VK_NULL_HANDLE;
+      check(vkCreateQueryPool(device().handle, &poolInfo, nullptr, &queries), "vkCreateQueryPool");
+      work.onDestroy([d = device().handle, queries] { vkDestroyQueryPool(d, queries, nullptr); });
+      ImageSpec imageSpec;
+      imageSpec.extent = {kSize.width, kSize.height, 1};
+      imageSpec.samples = VK_SAMPLE_COUNT_4_BIT;
+      imageSpec.usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
+      Image image = work.image(imageSpec);
+      VkImageView view = format ? work.view(image) : VkImageView(VK_NULL_HANDLE);
+      device().run([&](VkCommandBuffer c) {
+        vkCmdResetQueryPool(c, queries, 0, 1);
+        transition(c, image, VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_GENERAL);
+        std::vector<VkRenderingAttachmentInfo> colors = {rendered(view, VK_ATTACHMENT_LOAD_OP_CLEAR)};
+        VkRenderingInfo rendering = renderingInfo(kSize, colors);
+        vkCmdBeginRendering(c, &rendering);
+        wholeTarget(c, kSize);
+        vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
+        float given[4] = {float(alpha), 0, 0, 0.5f};
+        vkCmdPushConstants(c, layout, kGraphics, 0, sizeof given, given);
+        vkCmdBeginQuery(c, queries, 0, VK_QUERY_CONTROL_PRECISE_BIT);
+        vkCmdDraw(c, 3, 1, 0, 0);
+        vkCmdEndQuery(c, queries, 0);
+        vkCmdEndRendering(c);
+      });
+      uint64_t samples = 77;
+      check(vkGetQueryPoolResults(device().handle, queries, 0, 1, 8, &samples, 8, VK_QUERY_RESULT_64_BIT | VK_QUERY_RESULT_WAIT_BIT),
+            "vkGetQueryPoolResults");
+      EXPECT_EQ(samples, alpha * 4 * kSize.width * kSize.height);
+    }
+}
+
 // Lanes that went different ways are together again behind the branch, as often as the subgroup entered it together.
 TEST_P(Stages, SubgroupUniformControlFlow) {
   VkPhysicalDeviceVulkan11Properties v11 = properties11();
@@ -233,7 +280,7 @@ void main() [[subgroup_uniform_control_flow]] {
     if ((lane & 1) == 0) {
       for (uint k = 0; k < lane; k++) if (a[k] == i) { sum += 1000000; break; }
     } else {
-      switch (lane & 6) { case 2: sum += 100; case 4: sum -= 50; break; default: if (a[lane] == 0) continue; }
+      switch (lane & 6) { case 2: sum += 100; case 4: sum += 50; break; default: if (a[lane] == 0) continue; }
     }
     sum += subgroupAdd(1u) == gl_SubgroupSize ? 1u : 0u;
   }
