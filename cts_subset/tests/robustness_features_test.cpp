@@ -161,7 +161,9 @@ TEST_P(RobustnessFeatures, ImageAccess2) {
       std::vector<glm::vec4> bits(questions.size());
       std::memcpy(bits.data(), questions.data(), questions.size() * 16);
       const std::string coordinate = kind.coordinate;
-      const std::string declarations = "layout(binding = 2) uniform " + std::string(kind.sampler) + " t;\nlayout(binding = 3) uniform " + kind.image + " s;\n";
+      const bool four = format == VK_FORMAT_R8G8B8A8_UNORM;
+      const std::string declarations = "layout(binding = 2) uniform " + std::string(kind.sampler) + " t;\nlayout(binding = 3, " +
+                                       (four ? "rgba8" : "r32f") + ") uniform " + kind.image + " s;\n";
       Binding texture = sampledBinding(sampled, VK_NULL_HANDLE);
       texture.type = VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE;
       const std::string take = "  ivec4 q0 = floatBitsToInt(ask(0));\n";
@@ -175,7 +177,6 @@ TEST_P(RobustnessFeatures, ImageAccess2) {
             take + "  if (gl_GlobalInvocationID.x >= 2 && q0.w == 0) imageStore(s, " + coordinate + ", vec4(1));", bindings, bits);
       std::vector<glm::vec4> after = probe(work, "#extension GL_EXT_samplerless_texture_functions : require\n" + declarations,
                                            take + "  answer = imageLoad(s, " + coordinate + ");", bindings, bits);
-      const bool four = format == VK_FORMAT_R8G8B8A8_UNORM;
       const glm::vec4 inside = four ? glm::vec4(0.2f, 0.4f, 0.6f, 0.8f) : glm::vec4(0.2f, 0, 0, 1), outside(0, 0, 0, four ? 0 : 1);
       for (size_t i = 0; i < questions.size(); i++) {
         const glm::ivec4 q = questions[i];
