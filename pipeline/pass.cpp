@@ -198,8 +198,13 @@ void PassExecutor::Impl::resolve() {
   r.dstSubresource = {0, dst.level, dst.baseLayer, pass.layers};
   r.srcOffset = r.dstOffset = {pass.renderArea.offset.x, pass.renderArea.offset.y, 0};
   r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
-  texture::resolveDepthStencil(pool, src.memory, dst.memory, VK_IMAGE_ASPECT_DEPTH_BIT, pass.depthResolve, r);
-  texture::resolveDepthStencil(pool, src.memory, dst.memory, VK_IMAGE_ASPECT_STENCIL_BIT, pass.stencilResolve, r);
+  // A resolve overwrites all that a clear before it would have written; an aspect that is not resolved is only cleared.
+  const auto finish = [&](VkImageAspectFlagBits aspect, VkResolveModeFlagBits mode, VkAttachmentLoadOp loadOp) {
+    if (mode != VK_RESOLVE_MODE_NONE) texture::resolveDepthStencil(pool, src.memory, dst.memory, aspect, mode, r);
+    else if (loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(dst, aspect, 0, pass.layers, pass.renderArea, dst.clear);
+  };
+  finish(VK_IMAGE_ASPECT_DEPTH_BIT, pass.depthResolve, dst.loadOp);
+  finish(VK_IMAGE_ASPECT_STENCIL_BIT, pass.stencilResolve, dst.stencilLoadOp);
 }
 
 void PassExecutor::Impl::end() {

@@ -339,6 +339,78 @@ void main() {
     }
 }
 
+// The load operation of a resolve attachment shows in an aspect that is not resolved.
+TEST_P(RenderingFeatures, AnAspectThatIsNotResolvedIsCleared) {
+  PUMICE_NEED_FEATURE(device().properties.limits.framebufferDepthSampleCounts & VK_SAMPLE_COUNT_4_BIT);
+  VkPhysicalDeviceVulkan12Properties v12{};
+  v12.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_2_PROPERTIES;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v12, {}};
+  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  PUMICE_NEED_FEATURE(v12.independentResolveNone);
+  struct Case {
+    VkResolveModeFlagBits depth, stencil;
+    VkAttachmentLoadOp load;
+  };
+  constexpr VkFormat kFormat = VK_FORMAT_D32_SFLOAT_S8_UINT;
+  constexpr VkImageAspectFlags kAspects = VK_IMAGE_ASPECT_DEPTH_BIT | VK_IMAGE_ASPECT_STENCIL_BIT;
+  constexpr VkResolveModeFlagBits kNone = VK_RESOLVE_MODE_NONE, kZero = VK_RESOLVE_MODE_SAMPLE_ZERO_BIT;
+  for (const Case& c : {Case{kNone, kZero, VK_ATTACHMENT_LOAD_OP_CLEAR}, Case{kZero, kNone, VK_ATTACHMENT_LOAD_OP_CLEAR}, Case{kNone, kZero, VK_ATTACHMENT_LOAD_OP_LOAD}}) {
+    SCOPED_TRACE(testing::Message() << "modes " << c.depth << " and " << c.stencil << " load " << c.load);
+    Image many = target(kFormat, 1, VK_SAMPLE_COUNT_4_BIT), one = target(kFormat);
+    VkImageView views[2] = {work->view(many), work->view(one)};
+    VkAttachmentDescription2 attachments[2]{};
+    VkAttachmentReference2 references[2]{};
+    for (uint32_t i = 0; i < 2; ++i) {
+      VkAttachmentDescription2& a = attachments[i];
+      a.sType = VK_STRUCTURE_TYPE_ATTACHMENT_DESCRIPTION_2;
+      a.format = kFormat;
+      a.samples = i ? VK_SAMPLE_COUNT_1_BIT : VK_SAMPLE_COUNT_4_BIT;
+      a.loadOp = a.stencilLoadOp = i ? c.load : VK_ATTACHMENT_LOAD_OP_CLEAR;
+      a.storeOp = a.stencilStoreOp = VK_ATTACHMENT_STORE_OP_STORE;
+      a.initialLayout = a.finalLayout = VK_IMAGE_LAYOUT_GENERAL;
+      references[i] = {VK_STRUCTURE_TYPE_ATTACHMENT_REFERENCE_2, nullptr, i, VK_IMAGE_LAYOUT_GENERAL, kAspects};
+    }
+    VkSubpassDescriptionDepthStencilResolve resolve{VK_STRUCTURE_TYPE_SUBPASS_DESCRIPTION_DEPTH_STENCIL_RESOLVE, nullptr, c.depth, c.stencil, &references[1]};
+    VkSubpassDescription2 subpass{};
+    subpass.sType = VK_STRUCTURE_TYPE_SUBPASS_DESCRIPTION_2;
+    subpass.pNext = &resolve;
+    subpass.pDepthStencilAttachment = &references[0];
+    VkRenderPassCreateInfo2 passInfo{};
+    passInfo.sType = VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO_2;
+    passInfo.attachmentCount = 2;
+    passInfo.pAttachments = attachments;
+    passInfo.subpassCount = 1;
+    passInfo.pSubpasses = &subpass;
+    VkRenderPass renderPass = VK_NULL_HANDLE;
+    check(vkCreateRenderPass2(handle(), &passInfo, nullptr, &renderPass), "vkCreateRenderPass2");
+    work->onDestroy([d = handle(), renderPass] { vkDestroyRenderPass(d, renderPass, nullptr); });
+    VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, renderPass, 2, views, kSize.width, kSize.height, 1};
+    VkFramebuffer framebuffer = VK_NULL_HANDLE;
+    check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
+    work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+    device().run([&](VkCommandBuffer commands) {
+      VkClearDepthStencilValue before{0.75f, 77};
+      VkImageSubresourceRange range{kAspects, 0, 1, 0, 1};
+      vkCmdClearDepthStencilImage(commands, one.handle, VK_IMAGE_LAYOUT_GENERAL, &before, 1, &range);
+      fullBarrier(commands);
+      VkClearValue clears[2]{};
+      clears[0].depthStencil = {0.5f, 2};
+      clears[1].depthStencil = {0.25f, 9};
+      VkRenderPassBeginInfo begin{VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO, nullptr, renderPass, framebuffer, {{0, 0}, {4, kSize.height}}, 2, clears};
+      vkCmdBeginRenderPass(commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
+      vkCmdEndRenderPass(commands);
+      fullBarrier(commands);
+    });
+    const bool clears = c.load == VK_ATTACHMENT_LOAD_OP_CLEAR;
+    std::vector<float> depth = valuesOf<float>(wordsOf(download(*work, one, 0, 0, VK_IMAGE_ASPECT_DEPTH_BIT, 4)));
+    EXPECT_EQ(depth[1], c.depth ? 0.5f : clears ? 0.25f : 0.75f);
+    EXPECT_EQ(depth[5], 0.75f) << "outside the render area";
+    Bytes stencil = download(*work, one, 0, 0, VK_IMAGE_ASPECT_STENCIL_BIT, 1);
+    EXPECT_EQ(uint32_t(stencil[1]), c.stencil ? 2u : clears ? 9u : 77u);
+    EXPECT_EQ(uint32_t(stencil[5]), 77u) << "outside the render area";
+  }
+}
+
 TEST_P(RenderingFeatures, DynamicRenderingLeavesTheOtherAspectAlone) {
   PUMICE_NEED_FEATURE(device().vulkan13.dynamicRendering);
   Image image = target(VK_FORMAT_D32_SFLOAT_S8_UINT);
