@@ -468,6 +468,32 @@ TEST_F(FormatsWithPeer, StoredToBuffers) {
   });
 }
 
+// The numeric type of scaled formats is floating point (specification, "Interpretation of Numeric Format"), so float32 holds their
+// clear values.
+TEST_P(Formats, ScaledFormatsAreClearedWithFloats) {
+  struct Case {
+    VkFormat format;
+    VkClearColorValue value;
+    uint32_t there;
+  };
+  for (const Case& c : {Case{VK_FORMAT_A2B10G10R10_SSCALED_PACK32, {{51, -2, 511, 1}}, 51u | 0x3feu << 10 | 0x1ffu << 20 | 1u << 30},
+                        Case{VK_FORMAT_A2B10G10R10_USCALED_PACK32, {{51, 0, 1023, 3}}, 51u | 0x3ffu << 20 | 3u << 30},
+                        Case{VK_FORMAT_R8G8B8A8_SSCALED, {{-1, 2, -128, 127}}, 0x7f8002ffu}}) {
+    if (!device().supports(c.format, VK_FORMAT_FEATURE_TRANSFER_SRC_BIT | VK_FORMAT_FEATURE_TRANSFER_DST_BIT)) continue;
+    Workspace work(device());
+    Image image = makeImage(work, c.format, 0);
+    work.device.run([&](VkCommandBuffer commands) {
+      VkImageSubresourceRange range{VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
+      vkCmdClearColorImage(commands, image.handle, VK_IMAGE_LAYOUT_GENERAL, &c.value, 1, &range);
+      fullBarrier(commands);
+    });
+    Bytes found = download(work, image, 0, 0, VK_IMAGE_ASPECT_COLOR_BIT, 4);
+    uint32_t word;
+    std::memcpy(&word, &found[(kWidth + 1) * 4], 4);
+    EXPECT_EQ(word, c.there) << "format " << c.format;
+  }
+}
+
 // Atomics on images and texel buffers: sums and orders that do not depend on who comes first.
 TEST_P(Formats, Atomics) {
   for (bool isSigned : {false, true}) {
