@@ -277,19 +277,28 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyDescriptorSetLayout(VkDevice device, VkDescr
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetDescriptorSetLayoutSupport(VkDevice, const VkDescriptorSetLayoutCreateInfo* info, VkDescriptorSetLayoutSupport* out) {
+  // An inline uniform block is one descriptor; its count is its bytes.
+  auto isBlock = [](const VkDescriptorSetLayoutBinding& b) { return b.descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK; };
+  auto descriptors = [&](const VkDescriptorSetLayoutBinding& b) { return isBlock(b) ? 1 : b.descriptorCount; };
   uint64_t total = 0;
-  for (uint32_t i = 0; i < info->bindingCount; i++) total += info->pBindings[i].descriptorCount;
+  bool fit = true;
+  for (uint32_t i = 0; i < info->bindingCount; i++) {
+    const VkDescriptorSetLayoutBinding& b = info->pBindings[i];
+    total += descriptors(b);
+    fit &= !isBlock(b) || b.descriptorCount <= kMaxInlineBlockBytes;
+  }
   constexpr uint32_t kMost = 1 << 20;
-  out->supported = total <= kMost;
+  out->supported = fit && total <= kMost;
   for (auto* s = static_cast<VkBaseOutStructure*>(out->pNext); s; s = s->pNext)
     if (s->sType == VK_STRUCTURE_TYPE_DESCRIPTOR_SET_VARIABLE_DESCRIPTOR_COUNT_LAYOUT_SUPPORT) {
       auto* flags = findInChain<VkDescriptorSetLayoutBindingFlagsCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_BINDING_FLAGS_CREATE_INFO);
       uint32_t& most = reinterpret_cast<VkDescriptorSetVariableDescriptorCountLayoutSupport*>(s)->maxVariableDescriptorCount;
       most = 0;
       for (uint32_t i = 0; flags && out->supported && i < flags->bindingCount; i++)
-        if (flags->pBindingFlags[i] & VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT)
-          most = info->pBindings[i].descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK ? info->pBindings[i].descriptorCount
-                                                                                              : uint32_t(kMost - (total - info->pBindings[i].descriptorCount));
+        if (flags->pBindingFlags[i] & VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT) {
+          const VkDescriptorSetLayoutBinding& b = info->pBindings[i];
+          most = isBlock(b) ? kMaxInlineBlockBytes : uint32_t(kMost - (total - b.descriptorCount));
+        }
     }
 }
 

@@ -35,6 +35,8 @@ void writeDescriptors(const DescriptorSet& set, const DescriptorUpdateTemplate& 
 
 //! Index of the bytes of inline uniform blocks, behind the counts of the core types (0..10).
 constexpr uint32_t kInlineBytes = 11;
+//! Most bytes of one inline uniform block.
+constexpr uint32_t kMaxInlineBlockBytes = 64 << 10;
 
 //! Descriptors that are left, by type.
 struct DescriptorPool {

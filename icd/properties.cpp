@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <cstring>
 
+#include "icd/descriptors.h"
 #include "icd/external.h"
 #include "pipeline/layout.h"
 #include "spirv_interp/frontend/support.h"
@@ -97,7 +98,7 @@ void initVulkan13(VkPhysicalDeviceVulkan13Properties& p, const VkPhysicalDeviceL
   p.maxComputeWorkgroupSubgroups = pipeline::kMaxGroupInvocations / ir::kSubgroupLanes;
   p.requiredSubgroupSizeStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
   // Bytes of a block and of all of a stage or a set; only host memory bounds them.
-  p.maxInlineUniformBlockSize = 64 << 10;
+  p.maxInlineUniformBlockSize = kMaxInlineBlockBytes;
   p.maxPerStageDescriptorInlineUniformBlocks = p.maxPerStageDescriptorUpdateAfterBindInlineUniformBlocks = kMany;
   p.maxDescriptorSetInlineUniformBlocks = p.maxDescriptorSetUpdateAfterBindInlineUniformBlocks = kMany;
   p.maxInlineUniformTotalSize = kMany;

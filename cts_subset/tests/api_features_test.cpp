@@ -202,6 +202,33 @@ TEST_P(ApiFeatures, InlineUniformBlocksAndUpdateTemplates) {
 }
 
 // The queue waits for a value that the host signals later; the host waits for what the queue signals.
+// What a set may hold does not depend on the size asked for; many blocks are many descriptors, not many bytes.
+TEST_P(ApiFeatures, LayoutSupportOfInlineUniformBlocks) {
+  PUMICE_NEED_FEATURE(device().vulkan13.inlineUniformBlock);
+  if (GetParam() == Role::kPeer) GTEST_SKIP() << "the figures are those of one driver";
+  VkPhysicalDeviceVulkan13Properties v13{};
+  v13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES;
+  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v13, {}};
+  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  for (uint32_t bytes : {0u, 4u, v13.maxInlineUniformBlockSize}) {
+    VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK, bytes, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
+    VkDescriptorBindingFlags flag = VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT;
+    VkDescriptorSetLayoutBindingFlagsCreateInfo flags{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_BINDING_FLAGS_CREATE_INFO, nullptr, 1, &flag};
+    VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, &flags, 0, 1, &binding};
+    VkDescriptorSetVariableDescriptorCountLayoutSupport variable{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_VARIABLE_DESCRIPTOR_COUNT_LAYOUT_SUPPORT, nullptr, 0};
+    VkDescriptorSetLayoutSupport support{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_SUPPORT, &variable, VK_FALSE};
+    vkGetDescriptorSetLayoutSupport(handle(), &info, &support);
+    EXPECT_TRUE(support.supported) << bytes;
+    EXPECT_EQ(variable.maxVariableDescriptorCount, v13.maxInlineUniformBlockSize) << bytes;
+  }
+  std::vector<VkDescriptorSetLayoutBinding> many(v13.maxDescriptorSetInlineUniformBlocks);
+  for (uint32_t i = 0; i < many.size(); ++i) many[i] = {i, VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK, 4, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
+  VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, uint32_t(many.size()), many.data()};
+  VkDescriptorSetLayoutSupport support{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_SUPPORT, nullptr, VK_FALSE};
+  vkGetDescriptorSetLayoutSupport(handle(), &info, &support);
+  EXPECT_TRUE(support.supported);
+}
+
 TEST_P(ApiFeatures, TimelineSemaphoresWithSubmit2) {
   PUMICE_NEED_FEATURE(device().vulkan12.timelineSemaphore && device().vulkan13.synchronization2);
   VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO, nullptr, VK_SEMAPHORE_TYPE_TIMELINE, 5};
