@@ -131,17 +131,19 @@ TEST(Lifecycle, AThousandCyclesLeaveNothing) {
   // Only the driver under test: what a peer leaves behind is not the question.
   setenv("VK_ICD_FILENAMES", pumiceManifest().c_str(), 1);
   std::string name = testedDeviceName();
-  size_t threads = 0, resident = 0, files = 0;
+  std::thread([] {}).join();  // with the first thread ThreadSanitizer starts one of its own, and keeps it
+  usleep(50'000);  // a thread that was joined stands in the list for a moment
+  const size_t threads = threadCount();
+  size_t resident = 0, files = 0;
   for (int cycle = 0; cycle < kCycles; ++cycle) {
     ASSERT_NO_FATAL_FAILURE(liveOnce(name)) << "cycle " << cycle;
-    if (cycle == 0) threads = threadCount(), files = openFiles();
+    if (cycle == 0) files = openFiles();
     ASSERT_EQ(threadCount(), threads) << "threads after cycle " << cycle;
     if (cycle == kWarmUp) resident = residentKib();
   }
   size_t last = residentKib();
   std::cout << kCycles << " cycles: " << threads << " threads, resident " << resident << " KiB after "
             << kWarmUp << ", " << last << " KiB at the end\n";
-  EXPECT_EQ(threads, 1u) << "threads left after the first cycle";
   EXPECT_EQ(openFiles(), files);
 #ifndef PUMICE_SANITIZER_RUNTIME  // there memory is kept on purpose, and libraries stay loaded
   EXPECT_LT(last, resident + 4096) << "resident memory grew";
