@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/frontend/run_compute.h"
+#include "tests/support/compute_module.h"
 
 namespace pumice::frontend {
 namespace {
@@ -10,12 +11,8 @@ using test::Buffers;
 
 //! A shader of one invocation that has written 7 and 8 around what `body` does.
 void runsThrough(const std::string& types, const std::string& body, const std::string& interface = "", const std::string& functions = "") {
-  Buffers b{{1, 2, 3, 4}};
-  test::runAssembly(R"(
-OpCapability Shader
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %buffer)" + interface + R"(
-OpExecutionMode %main LocalSize 1 1 1
+  pumice::test::ComputeModule m{.lanes = 1, .interface = "%buffer" + interface, .functions = functions};
+  m.decorations = R"(
 OpDecorate %block Block
 OpMemberDecorate %block 0 Offset 0
 OpMemberDecorate %block 1 Offset 4
@@ -23,36 +20,25 @@ OpMemberDecorate %block 2 Offset 8
 OpMemberDecorate %block 3 Offset 8
 OpDecorate %buffer DescriptorSet 0
 OpDecorate %buffer Binding 0
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
+)";
+  m.types = R"(
 %float = OpTypeFloat 32
-%zero = OpConstant %uint 0
-%one = OpConstant %uint 1
-%two = OpConstant %uint 2
-%three = OpConstant %uint 3
-%seven = OpConstant %uint 7
-%eight = OpConstant %uint 8
 %empty = OpTypeStruct
 %nested = OpTypeStruct %empty %empty
-%empties = OpTypeArray %nested %three
+%empties = OpTypeArray %nested %n3
 %block = OpTypeStruct %uint %uint %empty %uint
 %ptr_block = OpTypePointer StorageBuffer %block
-%ptr = OpTypePointer StorageBuffer %uint
 %ptr_empty = OpTypePointer StorageBuffer %empty
 %buffer = OpVariable %ptr_block StorageBuffer
-)" + types + R"(
-%main = OpFunction %void None %fn
-%entry = OpLabel
-)" + body + R"(
-%first = OpAccessChain %ptr %buffer %zero
-%last = OpAccessChain %ptr %buffer %three
-OpStore %first %seven
-OpStore %last %eight
-OpReturn
-OpFunctionEnd
-)" + functions, 1, b, "1.6");
+)" + types;
+  m.body = body + R"(
+%first = OpAccessChain %ptr %buffer %n0
+%last = OpAccessChain %ptr %buffer %n3
+OpStore %first %n7
+OpStore %last %n8
+)";
+  Buffers b{{1, 2, 3, 4}};
+  test::runAssembly(textOf(m), 1, b, "1.6");
   EXPECT_EQ(b[0], (std::vector<uint32_t>{7, 2, 8, 4}));
 }
 
@@ -64,7 +50,7 @@ TEST(Corner, VariablesOfEmptyStructures) {
                 R"(
 %in = OpLoad %empties %variable
 OpStore %variable %in
-%n = OpAccessChain %ptr_nested %variable %two
+%n = OpAccessChain %ptr_nested %variable %n2
 %e = OpLoad %nested %n
 OpStore %n %e
 )", " %variable");
@@ -85,7 +71,7 @@ TEST(Corner, EmptyStructuresAreValuesArgumentsAndResults) {
 %pass = OpTypeFunction %empty %ptr_in %empty
 )", R"(
 %variable = OpVariable %ptr_in Function %null
-%place = OpAccessChain %ptr_empty %buffer %two
+%place = OpAccessChain %ptr_empty %buffer %n2
 %read = OpLoad %empty %place
 OpStore %variable %read
 %result = OpFunctionCall %empty %passed %variable %read

@@ -8,6 +8,7 @@
 
 #include "tests/frontend/compile.h"
 #include "tests/frontend/run_compute.h"
+#include "tests/support/compute_module.h"
 
 namespace pumice::frontend {
 namespace {
@@ -69,46 +70,16 @@ std::vector<uint32_t> assembly(const std::string& capabilities, const std::strin
     body.replace(at, end - at, "%ix" + id + " = OpIAdd %uint %i16 %n" + n + "\n%rp" + id + " = OpAccessChain %ptr %r %n0 %ix" + id +
                                    "\nOpStore %rp" + id + " " + value);
   }
-  std::string constants;
-  for (int i = 0; i < 10; i++) constants += "%n" + std::to_string(i) + " = OpConstant %uint " + std::to_string(i) + "\n";
-  std::string text = "OpCapability Shader\n" + capabilities + R"(
-%glsl = OpExtInstImport "GLSL.std.450"
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %gid)" + std::string(std::string(version) == "1.6" ? " %a %r" : "") + R"(
-OpExecutionMode %main LocalSize 128 1 1
-OpDecorate %gid BuiltIn GlobalInvocationId
-OpDecorate %array ArrayStride 4
-OpDecorate %block Block
-OpMemberDecorate %block 0 Offset 0
-OpDecorate %a DescriptorSet 0
-OpDecorate %a Binding 0
-OpDecorate %r DescriptorSet 0
-OpDecorate %r Binding 1
-)" + decorations + R"(
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
-%int = OpTypeInt 32 1
+  pumice::test::ComputeModule m{.lanes = kLanes, .head = capabilities, .buffers = {"%a", "%r"}, .decorations = decorations};
+  m.namesBuffers = std::string(version) == "1.6";
+  m.types = R"(
 %float = OpTypeFloat 32
 %uint2 = OpTypeVector %uint 2
-%uint3 = OpTypeVector %uint 3
-%array = OpTypeRuntimeArray %uint
-%block = OpTypeStruct %array
-%pblock = OpTypePointer StorageBuffer %block
-%ptr = OpTypePointer StorageBuffer %uint
-%pin = OpTypePointer Input %uint3
-)" + constants + types + R"(
 %n16 = OpConstant %uint 16
 %n128 = OpConstant %uint 128
 %n256 = OpConstant %uint 256
-%gid = OpVariable %pin Input
-%a = OpVariable %pblock StorageBuffer
-%r = OpVariable %pblock StorageBuffer
-%main = OpFunction %void None %fn
-%entry = OpLabel
-%ids = OpLoad %uint3 %gid
-%i = OpCompositeExtract %uint %ids 0
+)" + types;
+  m.body = pumice::test::kInvocation + std::string(R"(
 %i16 = OpIMul %uint %i %n16
 %iy = OpIAdd %uint %i %n128
 %iz = OpIAdd %uint %i %n256
@@ -118,8 +89,8 @@ OpDecorate %r Binding 1
 %x = OpLoad %uint %px
 %y = OpLoad %uint %py
 %z = OpLoad %uint %pz
-)" + body + "OpReturn\nOpFunctionEnd\n";
-  test::runAssembly(text, 1, b, version);
+)") + body;
+  test::runAssembly(textOf(m), 1, b, version);
   return b[1];
 }
 

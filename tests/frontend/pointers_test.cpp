@@ -8,51 +8,31 @@
 
 #include "tests/frontend/compile.h"
 #include "tests/frontend/run_compute.h"
+#include "tests/support/compute_module.h"
 
 namespace pumice::frontend {
 namespace {
 
+using pumice::test::ComputeModule, pumice::test::kInvocation, pumice::test::textOf;
 using test::Buffers;
 using test::runAssembly;
 using test::runGlsl;
 
-const std::string kVariablePointers = R"(
-OpCapability Shader
-OpCapability VariablePointers
-OpExtension "SPV_KHR_variable_pointers"
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %gid %a %b %r %wg1 %wg2
-OpExecutionMode %main LocalSize 32 1 1
-OpDecorate %gid BuiltIn GlobalInvocationId
-OpDecorate %array ArrayStride 4
-OpDecorate %ptr ArrayStride 4
-OpDecorate %block Block
-OpMemberDecorate %block 0 Offset 0
-OpDecorate %a DescriptorSet 0
-OpDecorate %a Binding 0
-OpDecorate %b DescriptorSet 0
-OpDecorate %b Binding 1
-OpDecorate %r DescriptorSet 0
-OpDecorate %r Binding 2
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
-%int = OpTypeInt 32 1
-%uint3 = OpTypeVector %uint 3
-%array = OpTypeRuntimeArray %uint
-%block = OpTypeStruct %array
-%pblock = OpTypePointer StorageBuffer %block
-%ptr = OpTypePointer StorageBuffer %uint
-%pin = OpTypePointer Input %uint3
-%n0 = OpConstant %uint 0
-%n1 = OpConstant %uint 1
-%n2 = OpConstant %uint 2
-%n4 = OpConstant %uint 4
-%n5 = OpConstant %uint 5
-%n8 = OpConstant %uint 8
+// Eight result words a lane, from %r0 on, by OpPtrAccessChain.
+std::string store(int word, const std::string& value) {
+  std::string n = std::to_string(word);
+  return "%rp" + n + " = OpPtrAccessChain %ptr %r0 %n" + n + "\nOpStore %rp" + n + " " + value + "\n";
+}
+
+//! Of 32 lanes: pointers %pa and %pb to a lane's word of two buffers, %r0 to its results, arrays %wg1 and %wg2 in work-group
+//! memory, the variable %keep for a pointer.
+void runPointers(const std::string& body, const std::string& functions, Buffers& buffers) {
+  ComputeModule m{.lanes = 32, .buffers = {"%a", "%b", "%r"}, .functions = functions};
+  m.head = "OpCapability VariablePointers\nOpExtension \"SPV_KHR_variable_pointers\"\n";
+  m.interface = "%wg1 %wg2";
+  m.decorations = "OpDecorate %ptr ArrayStride 4\n";
+  m.types = R"(
 %n100 = OpConstant %uint 100
-%minus1 = OpConstant %int -1
 %minus2 = OpConstant %int -2
 %null = OpConstantNull %ptr
 %shared_array = OpTypeArray %uint %n100
@@ -63,35 +43,16 @@ OpDecorate %r Binding 2
 %null_wg = OpConstantNull %pwg
 %pvar = OpTypePointer Function %ptr
 %pickfn = OpTypeFunction %ptr %bool %ptr %ptr
-%gid = OpVariable %pin Input
-%a = OpVariable %pblock StorageBuffer
-%b = OpVariable %pblock StorageBuffer
-%r = OpVariable %pblock StorageBuffer
-%main = OpFunction %void None %fn
-%entry = OpLabel
-%keep = OpVariable %pvar Function
-%ids = OpLoad %uint3 %gid
-%i = OpCompositeExtract %uint %ids 0
+)";
+  m.body = "%keep = OpVariable %pvar Function\n" + std::string(kInvocation) + R"(
 %odd_bit = OpBitwiseAnd %uint %i %n1
 %odd = OpINotEqual %bool %odd_bit %n0
 %i8 = OpIMul %uint %i %n8
 %r0 = OpAccessChain %ptr %r %n0 %i8
 %pa = OpAccessChain %ptr %a %n0 %i
 %pb = OpAccessChain %ptr %b %n0 %i
-)";
-
-// Eight result words a lane, from %r0 on, by OpPtrAccessChain.
-std::string store(int word, const std::string& value) {
-  std::string n = std::to_string(word);
-  return "%rp" + n + " = OpPtrAccessChain %ptr %r0 %w" + n + "\nOpStore %rp" + n + " " + value + "\n";
-}
-
-void runPointers(const std::string& body, const std::string& functions, Buffers& buffers) {
-  std::string words;
-  std::string text = kVariablePointers;
-  for (int i = 0; i < 8; i++) words += "%w" + std::to_string(i) + " = OpConstant %uint " + std::to_string(i) + "\n";
-  text.insert(text.find("%main = OpFunction"), words);
-  runAssembly(text + body + "OpReturn\nOpFunctionEnd\n" + functions, 1, buffers, "1.6");
+)" + body;
+  runAssembly(textOf(m), 1, buffers, "1.6");
 }
 
 Buffers someBuffers() {
@@ -143,12 +104,9 @@ TEST(VariablePointers, ToArraysOfDescriptors) {
   Buffers b(5);
   for (uint32_t i = 0; i < 4; i++) b[i] = {100 * i, 100 * i + 1, 100 * i + 2, 100 * i + 3, 100 * i + 4, 100 * i + 5};
   b[4].resize(2 * 32);
-  runAssembly(R"(OpCapability Shader
-OpCapability VariablePointers
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %id %x %y %r
-OpExecutionMode %main LocalSize 32 1 1
-OpDecorate %id BuiltIn GlobalInvocationId
+  ComputeModule m{.lanes = 32, .interface = "%x %y %r"};
+  m.head = "OpCapability VariablePointers\n";
+  m.decorations = R"(
 OpDecorate %pair ArrayStride 4
 OpDecorate %pairs ArrayStride 8
 OpDecorate %list ArrayStride 4
@@ -162,42 +120,29 @@ OpDecorate %y DescriptorSet 0
 OpDecorate %y Binding 2
 OpDecorate %r DescriptorSet 0
 OpDecorate %r Binding 4
-%void = OpTypeVoid
-%f = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
-%int = OpTypeInt 32 1
-%n0 = OpConstant %uint 0
-%n1 = OpConstant %uint 1
-%n2 = OpConstant %uint 2
-%n3 = OpConstant %uint 3
+)";
+  m.types = R"(
 %pair = OpTypeArray %uint %n2
 %pairs = OpTypeArray %pair %n3
 %block = OpTypeStruct %pairs
 %blocks = OpTypeArray %block %n2
 %list = OpTypeRuntimeArray %int
 %out = OpTypeStruct %list
-%v3 = OpTypeVector %uint 3
-%pin = OpTypePointer Input %v3
 %pblocks = OpTypePointer StorageBuffer %blocks
 %ppair = OpTypePointer StorageBuffer %pair
-%puint = OpTypePointer StorageBuffer %uint
 %pint = OpTypePointer StorageBuffer %int
 %pout = OpTypePointer StorageBuffer %out
-%id = OpVariable %pin Input
 %x = OpVariable %pblocks StorageBuffer
 %y = OpVariable %pblocks StorageBuffer
 %r = OpVariable %pout StorageBuffer
-%main = OpFunction %void None %f
-%l = OpLabel
-%ids = OpLoad %v3 %id
-%i = OpCompositeExtract %uint %ids 0
+)";
+  m.body = std::string(kInvocation) + R"(
 %bit = OpBitwiseAnd %uint %i %n1
 %odd = OpINotEqual %bool %bit %n0
 %half = OpShiftRightLogical %uint %i %n1
 %which = OpBitwiseAnd %uint %half %n1
 %p = OpSelect %pblocks %odd %x %y
-%e = OpAccessChain %puint %p %which %n0 %n2 %n1
+%e = OpAccessChain %ptr %p %which %n0 %n2 %n1
 %v = OpLoad %uint %e
 %vi = OpBitcast %int %v
 %i2 = OpIMul %uint %i %n2
@@ -209,9 +154,8 @@ OpStore %r0 %vi
 %i3 = OpIAdd %uint %i2 %n1
 %r1 = OpAccessChain %pint %r %n0 %i3
 OpStore %r1 %d
-OpReturn
-OpFunctionEnd
-)", 1, b, "1.6");
+)";
+  runAssembly(textOf(m), 1, b, "1.6");
   if (HasFailure()) return;
   for (uint32_t i = 0; i < 32; i++) {
     uint32_t which = i >> 1 & 1;
@@ -306,76 +250,47 @@ OpCopyMemory %pb %four
 
 // Row-major matrices: a column's components are a row apart, which a selected pointer must remember.
 TEST(VariablePointers, AMatrixColumnKeepsItsLayout) {
-  std::string text = R"(
-OpCapability Shader
-OpCapability VariablePointersStorageBuffer
-OpExtension "SPV_KHR_variable_pointers"
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %gid
-OpExecutionMode %main LocalSize 8 1 1
-OpDecorate %gid BuiltIn GlobalInvocationId
+  ComputeModule m{.lanes = 8, .buffers = {"%r"}, .namesBuffers = false, .element = "%float", .elementType = "%float = OpTypeFloat 32\n"};
+  m.head = "OpCapability VariablePointersStorageBuffer\nOpExtension \"SPV_KHR_variable_pointers\"\n";
+  m.decorations = R"(
 OpDecorate %block Block
 OpMemberDecorate %block 0 Offset 0
 OpMemberDecorate %block 0 MatrixStride 16
 OpMemberDecorate %block 0 RowMajor
 OpMemberDecorate %block 1 Offset 64
-OpDecorate %out ArrayStride 4
-OpDecorate %rblock Block
-OpMemberDecorate %rblock 0 Offset 0
 OpDecorate %a DescriptorSet 0
-OpDecorate %a Binding 0
-OpDecorate %r DescriptorSet 0
-OpDecorate %r Binding 1
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
-%float = OpTypeFloat 32
-%uint3 = OpTypeVector %uint 3
+OpDecorate %a Binding 1
+)";
+  m.types = R"(
 %vec4 = OpTypeVector %float 4
 %mat = OpTypeMatrix %vec4 4
 %block = OpTypeStruct %mat %float
-%out = OpTypeRuntimeArray %float
-%rblock = OpTypeStruct %out
-%pin = OpTypePointer Input %uint3
 %pblock = OpTypePointer StorageBuffer %block
-%prblock = OpTypePointer StorageBuffer %rblock
 %pvec = OpTypePointer StorageBuffer %vec4
-%pfloat = OpTypePointer StorageBuffer %float
-%n0 = OpConstant %uint 0
-%n1 = OpConstant %uint 1
-%n2 = OpConstant %uint 2
-%n3 = OpConstant %uint 3
-%gid = OpVariable %pin Input
 %a = OpVariable %pblock StorageBuffer
-%r = OpVariable %prblock StorageBuffer
-%main = OpFunction %void None %fn
-%entry = OpLabel
-%ids = OpLoad %uint3 %gid
-%i = OpCompositeExtract %uint %ids 0
+)";
+  m.body = std::string(kInvocation) + R"(
 %odd_bit = OpBitwiseAnd %uint %i %n1
 %odd = OpINotEqual %bool %odd_bit %n0
 %c1 = OpAccessChain %pvec %a %n0 %n1
 %c2 = OpAccessChain %pvec %a %n0 %n2
 %c = OpSelect %pvec %odd %c1 %c2
 %v = OpLoad %vec4 %c
-%p3 = OpAccessChain %pfloat %c %n3
+%p3 = OpAccessChain %ptr %c %n3
 %v3 = OpLoad %float %p3
 %v2 = OpCompositeExtract %float %v 2
 %sum = OpFAdd %float %v2 %v3
-%rp = OpAccessChain %pfloat %r %n0 %i
+%rp = OpAccessChain %ptr %r %n0 %i
 OpStore %rp %sum
-OpReturn
-OpFunctionEnd
 )";
   Buffers b(2);
-  for (uint32_t k = 0; k < 17; k++) b[0].push_back(std::bit_cast<uint32_t>(float(k)));
-  b[1].resize(8);
-  runAssembly(text, 1, b);
+  b[0].resize(8);
+  for (uint32_t k = 0; k < 17; k++) b[1].push_back(std::bit_cast<uint32_t>(float(k)));
+  runAssembly(textOf(m), 1, b);
   if (HasFailure()) return;
   for (uint32_t i = 0; i < 8; i++) {
     float column = i & 1 ? 1 : 2;  // element (row, column) is 4 * row + column
-    EXPECT_EQ(std::bit_cast<float>(b[1][i]), 8 + column + 12 + column) << i;
+    EXPECT_EQ(std::bit_cast<float>(b[0][i]), 8 + column + 12 + column) << i;
   }
 }
 
