@@ -13,6 +13,7 @@
 #include "spirv_interp/interpreter/bytecode.h"
 #include "spirv_interp/ir/fold.h"
 #include "spirv_interp/ir/ir.h"
+#include "tests/support/choices.h"
 
 namespace pumice::interp {
 
@@ -76,6 +77,11 @@ struct RowRun {
     execute(**compiled);
   }
   void execute(const Executable& e) {
+    withContext([&](const ExecContext& c) { e.run(e.preamble(tables), c); });
+  }
+  //! Calls `use` with what an executor is handed for this row.
+  template <class F>
+  void withContext(F use) {
     base::ScopedFpEnv environment;
     std::vector<const void*> in;
     std::vector<void*> out;
@@ -91,53 +97,12 @@ struct RowRun {
     c.tilePlanes = planes.data();
     c.shared = shared.data();
     c.sharedBytes = shared.size();
-    const UniformBank bank = e.preamble(tables);
-    e.run(bank, c);
+    use(std::as_const(c));
   }
 };
 
-//! xorshift: the same numbers everywhere.
-struct Random {
-  uint64_t state;
-  explicit Random(uint64_t seed) : state(seed * 0x9e3779b97f4a7c15u + 1) {}
-  uint64_t next() {
-    state ^= state << 13;
-    state ^= state >> 7;
-    state ^= state << 17;
-    return state * 0x2545f4914f6cdd1du;
-  }
-  uint32_t below(uint32_t n) { return uint32_t((next() >> 32) * n >> 32); }
-  bool chance(uint32_t percent) { return below(100) < percent; }
-};
-
-//! Bits of a type, the awkward ones often.
-inline uint64_t randomBits(Random& r, Type t) {
-  static constexpr float kFloats[] = {0.0f, -0.0f, 1.0f, -1.0f, 0.5f, -0.5f, 1.5f, 2.5f, -2.5f, 3.0f, 0.99999994f, 1e-40f, -1e-45f, 1.17549435e-38f,
-                                      3.4028235e38f, -3.4028235e38f, 2147483648.0f, -2147483648.0f, 2147483520.0f, 4294967296.0f, 4294967040.0f,
-                                      8388608.5f, 16777216.0f, 65504.0f, 65519.9f, 65520.0f, 6e-8f, 2.9802322e-8f, 9.2233720e18f, 1.8446744e19f, -9.2233720e18f,
-                                      255.5f, -128.9f, 127.5f, 32767.9f};
-  const uint64_t raw = r.next() & ir::allOnes(t);
-  if (t == Type::Mask) return raw & 1;
-  if (ir::isFloat(t)) {
-    switch (r.below(8)) {
-      case 0: return ir::floatBits(t, kFloats[r.below(std::size(kFloats))]);
-      case 1: return ir::floatBits(t, r.chance(50) ? INFINITY : -INFINITY);
-      case 2: return r.chance(30) ? ir::floatBits(t, NAN) | (r.next() & 0xff) : raw;
-      case 3:
-      case 4: return ir::floatBits(t, double(int64_t(raw & 0xffff) - 32768) / 256);
-      case 5: return ir::floatBits(t, double(int32_t(raw)));
-      default: return raw;
-    }
-  }
-  switch (r.below(6)) {
-    case 0: return r.below(4) & ir::allOnes(t);
-    case 1: return uint64_t(-int64_t(r.below(4))) & ir::allOnes(t);
-    case 2: return (uint64_t(1) << (r.below(ir::typeBytes(t) * 8))) & ir::allOnes(t);
-    case 3: return (ir::allOnes(t) >> 1) + r.below(3);
-    case 4: return r.below(256);
-    default: return raw;
-  }
-}
+using Random = pumice::testing::Choices;
+using pumice::testing::awkwardBits;
 
 constexpr Type kDataTypes[] = {Type::I8, Type::I16, Type::I32, Type::I64, Type::F16, Type::F32, Type::F64};
 

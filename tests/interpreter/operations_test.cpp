@@ -2,76 +2,28 @@
 // operation table (ir/fold.h).
 #include <cmath>
 
-#include "fixture.h"
+#include "tests/interpreter/operation_cases.h"
 
 namespace pumice::interp {
 namespace {
 
-bool isPureArithmetic(Op op) {
-  const ir::OpInfo& info = ir::opInfo(op);
-  return (info.flags & ir::kPure) && !(info.flags & ir::kHigh) && info.operands != ir::OperandRule::Free && op != Op::Nop;
-}
-
-struct Case {
-  Op op;
-  Type type;       // of the result
-  Type operand;    // of the last operand
-  Type first;      // of operand 0
-};
-
-//! All combinations that the verifier takes.
-std::vector<Case> allCases() {
-  std::vector<Case> cases;
-  constexpr Type kTypes[] = {Type::Mask, Type::I8, Type::I16, Type::I32, Type::I64, Type::F16, Type::F32, Type::F64};
-  for (unsigned o = 1; o < kOpCount; o++) {
-    const Op op = Op(o);
-    if (!isPureArithmetic(op)) continue;
-    for (Type type : kTypes)
-      for (Type operand : kTypes) {
-        const Type first = op == Op::Select ? Type::Mask : operand;
-        Function f;
-        std::vector<Value> in;
-        for (unsigned k = 0; k < ir::opInfo(op).operandCount; k++) in.push_back(append(f, Op::Input, k == 0 ? first : operand, {}, k));
-        Value v = append(f, op, type, {});
-        f.insts[v].firstOperand = uint32_t(f.operandPool.size());
-        f.insts[v].operandCount = uint32_t(in.size());
-        f.operandPool.insert(f.operandPool.end(), in.begin(), in.end());
-        if (ir::verify(f).empty()) cases.push_back({op, type, operand, first});
-      }
-  }
-  return cases;
-}
-
 //! Bit i of form: operand i comes from the draw constants.
-Function functionOf(const Case& c, unsigned form) {
+Function functionOf(const OperationCase& c, unsigned form) {
   Function f;
   std::vector<Value> in;
-  for (unsigned k = 0; k < ir::opInfo(c.op).operandCount; k++) {
-    const Type t = k == 0 ? c.first : c.operand;
-    if (form >> k & 1) in.push_back(append(f, Op::UniformInput, t, {}, 8 * k));
-    else in.push_back(append(f, Op::Input, t, {}, k));
-  }
-  const uint32_t firstOperand = uint32_t(f.operandPool.size());
-  f.operandPool.insert(f.operandPool.end(), in.begin(), in.end());
-  const Value v = append(f, c.op, c.type, {});
-  f.insts[v].firstOperand = firstOperand;
-  f.insts[v].operandCount = uint32_t(in.size());
-  append(f, Op::Output, Type::None, {v}, 0);
+  for (unsigned k = 0; k < c.count(); k++)
+    in.push_back(form >> k & 1 ? append(f, Op::UniformInput, c.of(k), {}, 8 * k) : append(f, Op::Input, c.of(k), {}, k));
+  append(f, Op::Output, Type::None, {appendAll(f, c.op, c.type, in)}, 0);
   return f;
 }
 
-std::string nameOf(const Case& c) {
-  static constexpr const char* kNames[] = {"none", "mask", "i8", "i16", "i32", "i64", "f16", "f32", "f64", "tuple"};
-  return std::string(ir::opInfo(c.op).text) + " " + kNames[unsigned(c.operand)] + " -> " + kNames[unsigned(c.type)];
-}
-
-TEST(Operations, theTableNamesAFewHundredCombinations) { EXPECT_GT(allCases().size(), 250u); }
+TEST(Operations, theTableNamesAFewHundredCombinations) { EXPECT_GT(operationCases().size(), 250u); }
 
 TEST(Operations, giveTheBitsOfTheOperationTableOnEveryTarget) {
   for (const Target& target : availableTargets()) {
     Random random(7);
-    for (const Case& c : allCases()) {
-      const unsigned count = ir::opInfo(c.op).operandCount;
+    for (const OperationCase& c : operationCases()) {
+      const unsigned count = c.count();
       for (unsigned form = 0; form < (1u << count); form++) {
         if ((form & 1) && c.first == Type::Mask) continue;   // masks come as rows only (and constants)
         if (form && c.operand == Type::Mask) continue;
@@ -80,24 +32,14 @@ TEST(Operations, giveTheBitsOfTheOperationTableOnEveryTarget) {
         auto compiled = compileInterpreterFor(f, {}, target);
         ASSERT_TRUE(compiled) << compiled.error().message;
         for (unsigned round = 0; round < (form ? 3u : 12u); round++) {
-          RowRun run(count, 1);
+          RowRun run = operandRow(c, random);
           uint64_t uniforms[8] = {};
-          for (unsigned k = 0; k < count; k++) {
-            const Type t = k == 0 ? c.first : c.operand;
-            uniforms[k] = randomBits(random, t);
-            for (unsigned lane = 0; lane < kMaxLanes; lane++) run.inputs[k].set(t, lane, randomBits(random, t));
-            // Equal and opposite operands now and then.
-            if (k && c.first == c.operand)
-              for (unsigned lane = 0; lane < kMaxLanes; lane += 5) run.inputs[k].set(t, lane, run.inputs[0].get(t, lane));
-          }
+          for (unsigned k = 0; k < count; k++) uniforms[k] = awkwardBits(random, c.of(k));
           run.tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(uniforms), sizeof uniforms};
           run.execute(**compiled);
           for (unsigned lane = 0; lane < kMaxLanes; lane++) {
             uint64_t args[3], want = 0;
-            for (unsigned k = 0; k < count; k++) {
-              const Type t = k == 0 ? c.first : c.operand;
-              args[k] = form >> k & 1 ? uniforms[k] : run.inputs[k].get(t, lane);
-            }
+            for (unsigned k = 0; k < count; k++) args[k] = form >> k & 1 ? uniforms[k] : run.inputs[k].get(c.of(k), lane);
             ASSERT_TRUE(ir::foldConstant(c.op, c.type, c.operand, {args, count}, want)) << nameOf(c);
             ASSERT_EQ(run.outputs[0].get(c.type, lane), want)
                 << target.name << ": " << nameOf(c) << " form " << form << " lane " << lane << std::hex << " of " << args[0]

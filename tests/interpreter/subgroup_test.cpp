@@ -23,7 +23,7 @@ void compare(const Function& f, Random& r, const std::string& what) {
     if (i.op != Op::Input) continue;
     ir::Row& row = e.inputs[uint32_t(i.imm)];
     for (uint32_t l = 0; l < start.lanes; l++) {
-      row.push_back(randomBits(r, i.type));
+      row.push_back(awkwardBits(r, i.type));
       start.inputs[i.imm].set(i.type, l, row[l]);
     }
   }
@@ -58,7 +58,7 @@ TEST(Subgroup, reductionsAndScansFollowTheFixedTree) {
           append(f, Op::Output, Type::None, {some}, 1);
           append(f, Op::EndIf, Type::None, {});
           compare(f, r, std::string(ir::kTypeNames[size_t(t)]) + ' ' + ir::kReduceNames[op] + ' ' + ir::kScanNames[scan] + ' ' + std::to_string(1 << log));
-          if (testing::Test::HasFailure()) return;
+          if (HasFailure()) return;
         }
     }
 }
@@ -93,7 +93,7 @@ TEST(Subgroup, ballotsVotesAndShufflesStayInTheirSubgroup) {
       append(f, Op::Output, Type::None, {broadcast}, 4);
       append(f, Op::EndIf, Type::None, {});
       compare(f, r, ir::kTypeNames[size_t(t)]);
-      if (testing::Test::HasFailure()) return;
+      if (HasFailure()) return;
     }
   }
 }

@@ -91,7 +91,7 @@ TEST(JitMemory, loadsOfEveryWidthFromEverySortOfAddress) {
         agrees("%a = " + load + " %base, %off, %size\noutput 0 %a\n%b = " + load + " %base, %off64, %size\noutput 1 %b\n" +
                    "%c = " + load + " %ubase, %off, %usize\noutput 2 %c\n%d = " + load + " %ubase, %off64, %usize\noutput 3 %d\n",
                bytes);
-        if (testing::Test::HasFailure()) return;
+        if (HasFailure()) return;
       }
 }
 
@@ -117,7 +117,7 @@ TEST(JitMemory, atomicsInLaneOrder) {
     for (size_t bytes : {3u, 4u, 11u, 64u}) {
       agrees("%word = const i32 60\n%at = and i32 %off, %word\n%r = atomic i32 " + std::string(operation) + " %ubase, %at, %usize, %data\noutput 0 %r\n", bytes);
       agrees("if %some\n%q = atomic i32 " + std::string(operation) + "+8 %ubase, %zero, %usize, %data\noutput 1 %q\nendif\n", bytes);
-      if (testing::Test::HasFailure()) return;
+      if (HasFailure()) return;
     }
   agrees("%f = utof f32 %data\n%r = atomic f32 fadd %ubase, %zero, %usize, %f\noutput 0 %r\n", 8);
 }
