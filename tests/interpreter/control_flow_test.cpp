@@ -1,162 +1,33 @@
-#include "fixture.h"
+#include "tests/interpreter/control_programs.h"
+#include "tests/support/reference.h"
 
 namespace pumice::interp {
 namespace {
 
-//! Runs with lane numbers as input 0 on every target and compares output 0 with expected(lane).
-template <class F>
-void expectI32(const char* text, F expected, uint32_t lanes = kMaxLanes) {
-  const Function f = parsed(text);
-  for (const Target& target : availableTargets()) {
-    RowRun run(1, 1);
-    run.lanes = lanes;
-    for (unsigned lane = 0; lane < kMaxLanes; lane++) {
-      run.inputs[0].set(Type::I32, lane, lane);
-      run.outputs[0].set(Type::I32, lane, 0xdead);
-    }
-    run(f, target);
-    for (unsigned lane = 0; lane < kMaxLanes; lane++)
-      ASSERT_EQ(run.outputs[0].get(Type::I32, lane), lane < lanes ? uint32_t(expected(lane)) : 0xdeadu) << target.name << " lane " << lane;
-  }
-}
+class ControlPrograms : public ::testing::TestWithParam<ControlProgram> {};
 
-TEST(ControlFlow, ifAndElseRunTheirLanesOnly) {
-  for (uint32_t lanes : {1u, 3u, 5u, 64u, 65u, 127u, 128u})
-    expectI32(R"(
-      %1 = input i32 0
-      %2 = const i32 1
-      %3 = and i32 %1, %2
-      %4 = const i32 0
-      %5 = ieq mask %3, %4
-      %6 = var i32
-      %7 = const i32 10
-      %8 = const i32 20
-      if %5
-        %9 = iadd i32 %1, %7
-        var.set %6, %9
-      else
-        %10 = iadd i32 %1, %8
-        var.set %6, %10
-      endif
-      %11 = var.get i32 %6
-      output 0 %11
-    )", [](uint32_t l) { return l + (l % 2 ? 20 : 10); }, lanes);
-}
-
-TEST(ControlFlow, loopsRunUntilEachLaneHasLeft) {
-  // Sum of 0..lane, one iteration a number.
-  expectI32(R"(
-    %1 = input i32 0
-    %2 = const i32 1
-    %3 = var i32
-    %4 = var i32
-    loop
-      %5 = var.get i32 %3
-      %6 = var.get i32 %4
-      %7 = ult mask %1, %5
-      if %7
-        break 0
-      endif
-      %8 = iadd i32 %6, %5
-      var.set %4, %8
-      %9 = iadd i32 %5, %2
-      var.set %3, %9
-    endloop
-    %10 = var.get i32 %4
-    output 0 %10
-  )", [](uint32_t l) { return l * (l + 1) / 2; });
-}
-
-TEST(ControlFlow, continueIsABreakOutOfTheBodysBlock) {
-  // Sum of the odd numbers below lane.
-  expectI32(R"(
-    %1 = input i32 0
-    %2 = const i32 1
-    %zero = const i32 0
-    %3 = var i32
-    %4 = var i32
-    loop
-      %5 = var.get i32 %3
-      %7 = ule mask %1, %5
-      if %7
-        break 0
-      endif
-      block
-        %odd = and i32 %5, %2
-        %even = ieq mask %odd, %zero
-        if %even
-          break 0
-        endif
-        %6 = var.get i32 %4
-        %8 = iadd i32 %6, %5
-        var.set %4, %8
-      endblock
-      %9 = iadd i32 %5, %2
-      var.set %3, %9
-    endloop
-    %10 = var.get i32 %4
-    output 0 %10
-  )", [](uint32_t l) { uint32_t s = 0; for (uint32_t i = 0; i < l; i++) s += i % 2 ? i : 0; return s; });
-}
-
-TEST(ControlFlow, breaksOutOfSeveralConstructsKeepTheOtherLanes) {
-  // Lanes leave an inner loop, the outer loop, or the whole function from three places.
-  expectI32(R"(
-    %1 = input i32 0
-    %one = const i32 1
-    %three = const i32 3
-    %five = const i32 5
-    %hundred = const i32 100
-    %zero = const i32 0
-    %i = var i32
-    %j = var i32
-    %r = var i32
-    block
-      loop
-        var.set %j, %zero
-        loop
-          %jj = var.get i32 %j
-          %ii = var.get i32 %i
-          %rr = var.get i32 %r
-          %r2 = iadd i32 %rr, %one
-          var.set %r, %r2
-          %prod = imul i32 %ii, %jj
-          %big = ult mask %1, %prod
-          if %big
-            %m = urem i32 %1, %three
-            %c = ieq mask %m, %zero
-            if %c
-              break 2
-            else
-              break 1
-            endif
-          endif
-          %j2 = iadd i32 %jj, %one
-          var.set %j, %j2
-          %done = ule mask %five, %j2
-          if %done
-            break 0
-          endif
-        endloop
-        %i3 = var.get i32 %i
-        %i4 = iadd i32 %i3, %one
-        var.set %i, %i4
-      endloop
-      %q = var.get i32 %r
-      %q2 = iadd i32 %q, %hundred
-      var.set %r, %q2
-    endblock
-    %out = var.get i32 %r
-    output 0 %out
-  )", [](uint32_t l) {
-    uint32_t r = 0;
-    for (uint32_t i = 0;; i++)
-      for (uint32_t j = 0; j < 5; j++) {
-        r++;
-        if (i * j > l) return l % 3 == 0 ? r : r + 100;
+TEST_P(ControlPrograms, giveTheBitsOfTheReferenceOnEveryTarget) {
+  const ControlProgram& program = GetParam();
+  const Function f = parsed(program);
+  forControlRows([&](const RowRun& start) {
+    RowRun want = start;
+    want.withContext([&](const ExecContext& c) { ASSERT_EQ(pumice::testing::runReference(f, {&c, 1}), ""); });
+    for (const Target& target : availableTargets()) {
+      RowRun run = start;
+      run(f, target);
+      const std::string at = std::string(target.name) + ", " + std::to_string(start.lanes) + " lanes, lane ";
+      for (unsigned lane = 0; lane < kMaxLanes; lane++) {
+        for (unsigned k = 0; k < kControlOutputs; k++)
+          ASSERT_EQ(run.outputs[k].get(Type::I32, lane), want.outputs[k].get(Type::I32, lane)) << at << lane << ", output " << k;
+        const bool active = lane < start.lanes && start.active[lane / 64] >> lane % 64 & 1;
+        if (active && !program.expected) continue;
+        ASSERT_EQ(run.outputs[0].get(Type::I32, lane), active ? program.expected(lane) : kControlUntouched) << at << lane;
       }
+      ASSERT_TRUE(run.shared == want.shared) << at << "any: work-group memory";
+    }
   });
 }
+INSTANTIATE_TEST_SUITE_P(All, ControlPrograms, ::testing::ValuesIn(controlPrograms()), nameOfControlProgram);
 
 TEST(ControlFlow, lanesInactiveAtTheStartAreNeverTouched) {
   const Function f = parsed("%1 = input i32 0\noutput 0 %1\n");
@@ -172,44 +43,6 @@ TEST(ControlFlow, lanesInactiveAtTheStartAreNeverTouched) {
       EXPECT_EQ(run.outputs[0].get(Type::I32, lane), active ? lane + 1 : 0u) << lane;
     }
   }
-}
-
-TEST(ControlFlow, valuesFromBeforeALoopSurviveIt) {
-  // %k is used in the loop only, and its row must not be reused there.
-  expectI32(R"(
-    %1 = input i32 0
-    %one = const i32 1
-    %four = const i32 4
-    %k = imul i32 %1, %1
-    %i = var i32
-    %s = var i32
-    loop
-      %s1 = var.get i32 %s
-      %s2 = iadd i32 %s1, %k
-      var.set %s, %s2
-      %a = xor i32 %1, %four
-      %b = imul i32 %a, %a
-      %c = iadd i32 %b, %a
-      %s3 = xor i32 %s2, %c
-      var.set %s, %s3
-      %i1 = var.get i32 %i
-      %i2 = iadd i32 %i1, %one
-      var.set %i, %i2
-      %d = ule mask %four, %i2
-      if %d
-        break 0
-      endif
-    endloop
-    %r = var.get i32 %s
-    output 0 %r
-  )", [](uint32_t l) {
-    uint32_t s = 0;
-    for (int i = 0; i < 4; i++) {
-      const uint32_t a = l ^ 4;
-      s = (s + l * l) ^ (a * a + a);
-    }
-    return s;
-  });
 }
 
 TEST(ControlFlow, execMaskAndSubgroupVotesSeeActiveLanesOnly) {
