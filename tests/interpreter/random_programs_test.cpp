@@ -20,17 +20,6 @@ Program program(uint64_t seed, const ProgramOptions& options = {}) {
   return makeProgram(choices, options);
 }
 
-WorldShape shapeOf(uint64_t seed) {
-  Choices r(seed + 77);
-  static constexpr WorldShape kShapes[] = {{.rowLanes = 128}, {.rowLanes = 32}, {.rowLanes = 3, .groupRows = 2}, {.rowLanes = 32, .groupRows = 3, .groups = 2},
-                                           {.rowLanes = 128, .groupRows = 2, .groups = 2}, {.rowLanes = 1}, {.rowLanes = 5, .groups = 3},
-                                           {.rowLanes = 127}, {.rowLanes = 64}, {.rowLanes = 20, .groupRows = 4}};
-  WorldShape shape = r.of(kShapes);
-  shape.partial = r.chance(30);
-  shape.awkward = r.chance(50);
-  return shape;
-}
-
 std::unique_ptr<interp::Executable> compiled(const ir::Function& f, const interp::Target& target, ir::Numerics numerics = ir::Numerics::F32) {
   auto e = interp::compileInterpreterFor(f, {numerics, {}}, target);
   EXPECT_TRUE(e) << e.error().message << "\n" << ir::print(f);
@@ -55,7 +44,7 @@ void agrees(uint64_t seed, bool optimise, const WorldShape& shape, unsigned thre
   }
 }
 void agree(uint64_t first, uint64_t count) {
-  for (uint64_t seed = first; seed < first + count && !::testing::Test::HasFailure(); seed++) agrees(seed, seed % 3 == 0, shapeOf(seed));
+  for (uint64_t seed = first; seed < first + count && !::testing::Test::HasFailure(); seed++) agrees(seed, seed % 3 == 0, randomShape(seed));
 }
 
 TEST(RandomPrograms, holdEveryOperationAndAboutSixty) {
@@ -121,7 +110,7 @@ TEST(RandomPrograms, giveTheSameBitsInRowsOfAnyLengthAndOnAnyNumberOfThreads) {
 TEST(RandomPrograms, giveTheOraclesBitsOnEveryInstructionSet) {
   for (uint64_t seed = 20'001; seed <= 20'300 && !HasFailure(); seed++) {
     const Program p = program(seed);
-    World world(p, seed, shapeOf(seed));
+    World world(p, seed, randomShape(seed));
     const Results want = world.evaluate(p.function, ir::Numerics::Oracle);
     for (const interp::Target& target : interp::availableTargets()) {
       const auto e = compiled(p.function, target, ir::Numerics::Oracle);

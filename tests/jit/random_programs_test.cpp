@@ -9,24 +9,13 @@
 namespace pumice::testing {
 namespace {
 
-WorldShape shapeOf(uint64_t seed) {
-  Choices r(seed + 77);
-  static constexpr WorldShape kShapes[] = {{.rowLanes = 128}, {.rowLanes = 32}, {.rowLanes = 3, .groupRows = 2}, {.rowLanes = 32, .groupRows = 3, .groups = 2},
-                                           {.rowLanes = 128, .groupRows = 2, .groups = 2}, {.rowLanes = 1}, {.rowLanes = 5, .groups = 3},
-                                           {.rowLanes = 127}, {.rowLanes = 64}, {.rowLanes = 20, .groupRows = 4}};
-  WorldShape shape = r.of(kShapes);
-  shape.partial = r.chance(30);
-  shape.awkward = r.chance(50);
-  return shape;
-}
-
 void agrees(uint64_t seed, bool optimise, ir::Numerics numerics = ir::Numerics::F32) {
   Choices choices(seed);
   const Program p = makeProgram(choices, {});
   ASSERT_EQ(ir::verify(p.function), "") << "seed " << seed;
   ir::Function f = p.function;
   if (optimise) ir::optimise(f);
-  World world(p, seed, shapeOf(seed));
+  World world(p, seed, randomShape(seed));
   auto interpreted = interp::compileInterpreter(f, {.numerics = numerics, .checked = {}});
   ASSERT_TRUE(interpreted) << interpreted.error().message;
   const Results want = world.run(**interpreted);
@@ -34,7 +23,7 @@ void agrees(uint64_t seed, bool optimise, ir::Numerics numerics = ir::Numerics::
     auto native = jit::compile(f, {.numerics = numerics, .checked = {}}, {.chunkLanes = lanes});
     ASSERT_TRUE(native) << native.error().message << "\nseed " << seed << "\n" << ir::print(f);
     ASSERT_EQ(world.difference(want, world.run(**native)), "")
-        << "chunks of " << lanes << ", seed " << seed << (optimise ? ", optimised" : "") << ", rows of " << shapeOf(seed).rowLanes << "\n" << ir::print(f);
+        << "chunks of " << lanes << ", seed " << seed << (optimise ? ", optimised" : "") << ", rows of " << randomShape(seed).rowLanes << "\n" << ir::print(f);
   }
 }
 void agree(uint64_t first, uint64_t count, ir::Numerics numerics = ir::Numerics::F32) {

@@ -34,6 +34,17 @@ void fill(Choices& r, std::vector<std::byte>& bytes, bool awkward) {
 
 }  // namespace
 
+WorldShape randomShape(uint64_t seed) {
+  Choices r(seed + 77);
+  static constexpr WorldShape kShapes[] = {{.rowLanes = 128}, {.rowLanes = 32}, {.rowLanes = 3, .groupRows = 2}, {.rowLanes = 32, .groupRows = 3, .groups = 2},
+                                           {.rowLanes = 128, .groupRows = 2, .groups = 2}, {.rowLanes = 1}, {.rowLanes = 5, .groups = 3},
+                                           {.rowLanes = 127}, {.rowLanes = 64}, {.rowLanes = 20, .groupRows = 4}};
+  WorldShape shape = r.of(kShapes);
+  shape.partial = r.chance(30);
+  shape.awkward = r.chance(50);
+  return shape;
+}
+
 World::World(const Program& program, uint64_t seed, WorldShape shape)
     : inputTypes_(program.inputs), outputTypes_(program.outputs), shape_(shape) {
   if (program.quads) shape_.rowLanes = (shape_.rowLanes + 3) & ~3u;

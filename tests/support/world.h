@@ -19,6 +19,9 @@ struct WorldShape {
   bool awkward = true;                     //!< infinities, NaNs, limits among the data
 };
 
+//! One or several rows of any length, sometimes with lanes that do not take part, sometimes with calm data.
+WorldShape randomShape(uint64_t seed);
+
 //! All bytes that a run may change, as it left them.
 struct Results {
   std::vector<std::byte> bytes;
