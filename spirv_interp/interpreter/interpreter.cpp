@@ -5,31 +5,15 @@
 
 #include "base/log.h"
 #include "spirv_interp/interpreter/lower.h"
+#include "spirv_interp/interpreter/scratch.h"
 
 namespace pumice::interp {
 namespace {
 
-constexpr size_t kAlign = 64;
+constexpr size_t kAlign = Scratch::kAlign;
 constexpr size_t kMaxStackBytes = 96 * 1024;
 
-//! Memory of a thread for routines too big for its stack: register file and local memory.
-class Scratch {
- public:
-  ~Scratch() { operator delete(data_, std::align_val_t(kAlign)); }
-  std::byte* get(size_t bytes) {
-    if (bytes > size_) {
-      operator delete(data_, std::align_val_t(kAlign));
-      size_ = 0;
-      data_ = static_cast<std::byte*>(operator new(bytes, std::align_val_t(kAlign), std::nothrow));
-      if (data_) size_ = bytes;
-    }
-    return data_;
-  }
-
- private:
-  std::byte* data_ = nullptr;
-  size_t size_ = 0;
-};
+//! For register files and local memory.
 thread_local Scratch scratch;
 
 inline bool stopped(const RunState& s) { return s.context->stop && s.context->stop->load(std::memory_order_relaxed); }

@@ -10,6 +10,7 @@
 
 #include "base/env.h"
 #include "base/log.h"
+#include "spirv_interp/interpreter/scratch.h"
 #include "spirv_interp/jit/code_memory.h"
 #include "spirv_interp/jit/emitter.h"
 #include "spirv_interp/jit/halves.h"
@@ -17,33 +18,15 @@
 namespace pumice::jit {
 namespace {
 
-using interp::ExecContext, interp::Executable, interp::Progress, interp::Result, interp::RowState, interp::UniformBank;
+using interp::ExecContext, interp::Executable, interp::Progress, interp::Result, interp::RowState, interp::Scratch, interp::UniformBank;
 
-constexpr size_t kAlign = 64;
+constexpr size_t kAlign = Scratch::kAlign;
 constexpr size_t kMaxStackBytes = 96 * 1024;
 constexpr uint32_t kMaxChunks = interp::kMaxLanes / kVectorLanes;
 
 std::byte* aligned(void* p) { return reinterpret_cast<std::byte*>((reinterpret_cast<uintptr_t>(p) + kAlign - 1) & ~uintptr_t(kAlign - 1)); }
 
-//! Memory of a thread for frames too big for its stack.
-class Scratch {
- public:
-  ~Scratch() { operator delete(data_, std::align_val_t(kAlign)); }
-  std::byte* get(size_t bytes) {
-    if (bytes > size_) {
-      operator delete(data_, std::align_val_t(kAlign));
-      size_ = 0;
-      data_ = static_cast<std::byte*>(operator new(bytes, std::align_val_t(kAlign), std::nothrow));
-      if (data_) size_ = bytes;
-    }
-    return data_;
-  }
-
- private:
-  std::byte* data_ = nullptr;
-  size_t size_ = 0;
-};
-thread_local Scratch scratch;
+thread_local Scratch scratch;   // for frames
 
 std::atomic<uint64_t> emittedCount, refusedCount, operationCount, callOutCount;
 
