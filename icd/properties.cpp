@@ -25,7 +25,8 @@ void initVulkan11(VkPhysicalDeviceVulkan11Properties& p, uint64_t heapBytes) {
   p.subgroupSupportedStages = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT | VK_SHADER_STAGE_COMPUTE_BIT;
   p.subgroupSupportedOperations = VK_SUBGROUP_FEATURE_BASIC_BIT | VK_SUBGROUP_FEATURE_VOTE_BIT | VK_SUBGROUP_FEATURE_ARITHMETIC_BIT |
                                   VK_SUBGROUP_FEATURE_BALLOT_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_BIT | VK_SUBGROUP_FEATURE_SHUFFLE_RELATIVE_BIT |
-                                  VK_SUBGROUP_FEATURE_CLUSTERED_BIT | VK_SUBGROUP_FEATURE_QUAD_BIT;
+                                  VK_SUBGROUP_FEATURE_CLUSTERED_BIT | VK_SUBGROUP_FEATURE_QUAD_BIT | VK_SUBGROUP_FEATURE_ROTATE_BIT_KHR |
+                                  VK_SUBGROUP_FEATURE_ROTATE_CLUSTERED_BIT_KHR;
   p.subgroupQuadOperationsInAllStages = VK_TRUE;
   p.pointClippingBehavior = VK_POINT_CLIPPING_BEHAVIOR_ALL_CLIP_PLANES;
   p.maxMultiviewViewCount = 6;
@@ -121,7 +122,7 @@ void initProperties(ExtendedProperties& p, const VkPhysicalDeviceLimits& limits,
 }
 
 void fillProperties(const ExtendedProperties& all, void* chain) {
-  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (s->sType) {
+  for (auto* s = static_cast<VkBaseOutStructure*>(chain); s; s = s->pNext) switch (uint32_t(s->sType)) {   // a number: newer ones are not enumerators
 #define PUMICE_PROPERTY_MEMBER(aggregate, from, to)                \
   static_assert(sizeof(p.to) == sizeof(all.aggregate.from));       \
   std::memcpy(&p.to, &all.aggregate.from, sizeof(p.to));
@@ -151,6 +152,12 @@ void fillProperties(const ExtendedProperties& all, void* chain) {
       case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VERTEX_ATTRIBUTE_DIVISOR_PROPERTIES_EXT:
         reinterpret_cast<VkPhysicalDeviceVertexAttributeDivisorPropertiesEXT*>(s)->maxVertexAttribDivisor = ~0u;
         break;
+      case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VERTEX_ATTRIBUTE_DIVISOR_PROPERTIES_KHR: {
+        auto& p = *reinterpret_cast<VkPhysicalDeviceVertexAttributeDivisorPropertiesKHR*>(s);
+        p.maxVertexAttribDivisor = ~0u;
+        p.supportsNonZeroFirstInstance = VK_TRUE;
+        break;
+      }
       case VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROVOKING_VERTEX_PROPERTIES_EXT:
         reinterpret_cast<VkPhysicalDeviceProvokingVertexPropertiesEXT*>(s)->provokingVertexModePerPipeline = VK_TRUE;
         reinterpret_cast<VkPhysicalDeviceProvokingVertexPropertiesEXT*>(s)->transformFeedbackPreservesTriangleFanProvokingVertex = VK_FALSE;

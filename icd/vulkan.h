@@ -12,3 +12,5 @@
 #undef Status
 #undef Success
 #undef Always
+// The extensions younger than the system's headers (gen/newer_registry.xml).
+#include <newer_vulkan.h>

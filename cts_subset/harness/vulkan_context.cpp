@@ -273,12 +273,12 @@ void Device::create(const void* chain, const VkPhysicalDeviceFeatures* enabled) 
 }
 
 Device::Device(VkPhysicalDevice chosen, const VkPhysicalDeviceFeatures& wanted,
-               const std::vector<const char*>& wantedExtensions)
+               const std::vector<const char*>& wantedExtensions, const void* chain)
     : physical(chosen) {
   readProperties();
   features = wanted;
   extensions.assign(wantedExtensions.begin(), wantedExtensions.end());
-  create(nullptr, &features);
+  create(chain, &features);
 }
 
 Device::Device(VkPhysicalDevice chosen) : physical(chosen) {

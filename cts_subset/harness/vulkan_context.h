@@ -67,7 +67,8 @@ class Device {
  public:
   explicit Device(VkPhysicalDevice physical);
   // Only these features and extensions, as an application that knows what it needs: for measuring.
-  Device(VkPhysicalDevice physical, const VkPhysicalDeviceFeatures& wanted, const std::vector<const char*>& wantedExtensions);
+  Device(VkPhysicalDevice physical, const VkPhysicalDeviceFeatures& wanted, const std::vector<const char*>& wantedExtensions,
+         const void* chain = nullptr);
   ~Device();
   Device(const Device&) = delete;
   Device& operator=(const Device&) = delete;

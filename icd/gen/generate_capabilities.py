@@ -11,10 +11,11 @@ with MEMBERS a list of PUMICE_PROPERTY_MEMBER(aggregate, name there, name here).
 """
 import re
 import sys
-import xml.etree.ElementTree as ET
+
+import registry
 
 vk_xml, extensions_inc, features_inc, out_features, out_properties = sys.argv[1:6]
-root = ET.parse(vk_xml).getroot()
+root = registry.load(vk_xml)
 advertised = set(re.findall(r"^PUMICE_EXTENSION\((\w+),", open(extensions_inc).read(), re.M))
 rows = re.findall(r"^PUMICE_FEATURE\((\w+),", open(features_inc).read(), re.M)
 

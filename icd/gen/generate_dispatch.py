@@ -9,10 +9,11 @@ PUMICE_COMMAND(name, function, level, version * 10 or 0, extension or nullptr)
 """
 import re
 import sys
-import xml.etree.ElementTree as ET
+
+import registry
 
 vk_xml, extensions_inc, out_entry, out_commands = sys.argv[1:5]
-root = ET.parse(vk_xml).getroot()
+root = registry.load(vk_xml)
 advertised = dict(re.findall(r"^PUMICE_EXTENSION\((\w+), *\d+, *(\w+)\)", open(extensions_inc).read(), re.M))
 
 commands, alias = {}, {}

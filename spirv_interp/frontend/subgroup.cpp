@@ -132,6 +132,22 @@ void onShuffleRelative(Translator& t, const Instruction& inst, uint32_t aux) {
   each(t, inst, operandAt(t, inst, aux, 0), [&](Value v) { return shuffle(t, v, lane); });
 }
 
+//! Lanes per cluster, as their logarithm. More than the subgroup has may be named in code that is never reached.
+uint32_t clusterLog2(Translator& t, uint32_t id) {
+  uint64_t size = t.requireConstant(id, "cluster size");
+  if (!std::has_single_bit(size)) fail("a cluster of %llu lanes", (unsigned long long)size);
+  return uint32_t(std::countr_zero(std::min<uint64_t>(size, ir::kSubgroupLanes)));
+}
+
+//! The other lane is this one's number plus the operand, around its cluster.
+void onRotate(Translator& t, const Instruction& inst, uint32_t aux) {
+  Value by = t.toI32(t.scalar(operandAt(t, inst, aux, 1)), false);
+  uint32_t log2 = inst.count() > 3 ? clusterLog2(t, operandAt(t, inst, aux, 2)) : kAllLanesLog2;
+  Value within = t.b.i32((1u << log2) - 1), own = t.subgroupLane();
+  Value lane = t.b.or_(t.b.and_(own, t.b.unary(Op::Not, within)), t.b.and_(t.b.iadd(own, by), within));
+  each(t, inst, operandAt(t, inst, aux, 0), [&](Value v) { return shuffle(t, v, lane); });
+}
+
 void onQuadBroadcast(Translator& t, const Instruction& inst, uint32_t aux) {
   uint32_t indexId = operandAt(t, inst, aux, 1), valueId = operandAt(t, inst, aux, 0);
   Value index = t.toI32(t.scalar(indexId), false);
@@ -153,21 +169,15 @@ void onQuadSwap(Translator& t, const Instruction& inst, uint32_t aux) {
 
 void onReduce(Translator& t, const Instruction& inst, uint32_t aux) {
   ScanKind kind = ScanKind::Reduce;
-  uint32_t clusterLog2 = kAllLanesLog2;
+  uint32_t log2 = kAllLanesLog2;
   switch (spv::GroupOperation(operandAt(t, inst, aux, 0))) {
     case spv::GroupOperation::Reduce: break;
     case spv::GroupOperation::InclusiveScan: kind = ScanKind::Inclusive; break;
     case spv::GroupOperation::ExclusiveScan: kind = ScanKind::Exclusive; break;
-    case spv::GroupOperation::ClusteredReduce: {
-      uint64_t size = t.requireConstant(operandAt(t, inst, aux, 2), "cluster size");
-      if (!std::has_single_bit(size)) fail("a cluster of %llu lanes", (unsigned long long)size);
-      // One larger than the subgroup may stand in code that is never reached.
-      clusterLog2 = uint32_t(std::countr_zero(std::min<uint64_t>(size, ir::kSubgroupLanes)));
-      break;
-    }
+    case spv::GroupOperation::ClusteredReduce: log2 = clusterLog2(t, operandAt(t, inst, aux, 2)); break;
     default: fail("%s of an unknown kind", opcodeName(inst.op).c_str());
   }
-  uint64_t imm = uint64_t(aux & 0xff) | uint64_t(kind) << 8 | uint64_t(clusterLog2) << 16;
+  uint64_t imm = uint64_t(aux & 0xff) | uint64_t(kind) << 8 | uint64_t(log2) << 16;
   each(t, inst, operandAt(t, inst, aux, 1), [&](Value v) {
     bool isMask = t.b.type(v) == Type::Mask;
     if (isMask) v = toNumber(t, v);
@@ -196,6 +206,7 @@ constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpGroupNonUniformShuffleXor, onShuffleRelative, a(Op::Xor)},
     {spv::Op::OpGroupNonUniformShuffleUp, onShuffleRelative, a(Op::ISub)},
     {spv::Op::OpGroupNonUniformShuffleDown, onShuffleRelative, a(Op::IAdd)},
+    {spv::Op::OpGroupNonUniformRotateKHR, onRotate},
     {spv::Op::OpGroupNonUniformQuadBroadcast, onQuadBroadcast},
     {spv::Op::OpGroupNonUniformQuadSwap, onQuadSwap},
     {spv::Op::OpGroupNonUniformIAdd, onReduce, a(ReduceOp::IAdd)},

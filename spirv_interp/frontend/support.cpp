@@ -63,6 +63,7 @@ constexpr C kSupported[] = {
     C::DotProductInputAll, C::DotProductInput4x8Bit, C::DotProductInput4x8BitPacked,
     C::GroupNonUniform, C::GroupNonUniformVote, C::GroupNonUniformArithmetic, C::GroupNonUniformBallot,
     C::GroupNonUniformShuffle, C::GroupNonUniformShuffleRelative, C::GroupNonUniformClustered, C::GroupNonUniformQuad,
+    C::GroupNonUniformRotateKHR,
     C::SubgroupBallotKHR, C::SubgroupVoteKHR,
     // What lane IR does anyway; the execution modes say for which widths.
     C::DenormPreserve, C::SignedZeroInfNanPreserve, C::RoundingModeRTE,
@@ -126,7 +127,7 @@ constexpr RejectedCapability kRejected[] = {
     {C::ArbitraryPrecisionFixedPointINTEL, kOpenCl}, {C::USMStorageClassesINTEL, kOpenCl},
     {C::RuntimeAlignedAttributeINTEL, kOpenCl}, {C::IOPipesINTEL, kOpenCl}, {C::BlockingPipesINTEL, kOpenCl},
     {C::FPGARegINTEL, kOpenCl}, {C::RayCullMaskKHR, kRay}, {C::BitInstructions, kOpenCl},
-    {C::GroupNonUniformRotateKHR, kExtension}, {C::LongConstantCompositeINTEL, kOpenCl}, {C::OptNoneINTEL, kOpenCl},
+    {C::LongConstantCompositeINTEL, kOpenCl}, {C::OptNoneINTEL, kOpenCl},
     {C::AtomicFloat16AddEXT, "needs atomics of 16 bits, which Vulkan's core has not"}, {C::DebugInfoModuleINTEL, kOpenCl},
     {C::SplitBarrierINTEL, kOpenCl}, {C::GroupUniformArithmeticKHR, kOpenCl},
 };

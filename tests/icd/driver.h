@@ -4,6 +4,7 @@
 
 #define VK_NO_PROTOTYPES
 #include <dlfcn.h>
+#include <newer_vulkan.h>
 #include <vulkan/vulkan.h>
 
 #include <cstdint>

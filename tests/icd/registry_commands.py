@@ -7,10 +7,13 @@ Knows nothing of the driver: every extension of the registry is listed, advertis
 CORE(command, first parameter's type, version * 10)
 EXTENSION(command, first parameter's type, extension, extensions and versions that the command also needs)
 """
+import os
 import sys
-import xml.etree.ElementTree as ET
 
-root = ET.parse(sys.argv[1]).getroot()
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../icd/gen"))
+import registry  # noqa: E402
+
+root = registry.load(sys.argv[1])
 
 
 def for_vulkan(element, attribute="api"):

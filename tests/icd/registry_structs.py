@@ -6,10 +6,13 @@ registry_structs.py VK_XML OUT
 FEATURES(structure, sType, providers) and PROPERTIES(...) around MEMBER(structure, member) and END; providers are versions
 ("VK_VERSION_1_2") and extensions. Structures of platforms whose headers are not included are left out.
 """
+import os
 import sys
-import xml.etree.ElementTree as ET
 
-root = ET.parse(sys.argv[1]).getroot()
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "../../icd/gen"))
+import registry  # noqa: E402
+
+root = registry.load(sys.argv[1])
 alias = {t.get("name"): t.get("alias") for t in root.iterfind("types/type") if t.get("alias")}
 providers = {}
 
