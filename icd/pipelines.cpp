@@ -203,6 +203,7 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
   uint32_t extended = 0;
   pipeline::GraphicsState state = graphicsStateOf(info, extended);
   state.wholeAttributes = device.features[size_t(Feature::robustBufferAccess2)];
+  state.unrestrictedDepth = device.extensions[size_t(Extension::kVK_EXT_depth_range_unrestricted)];
   auto* robustness = findInChain<VkPipelineRobustnessCreateInfoEXT>(info.pNext, VK_STRUCTURE_TYPE_PIPELINE_ROBUSTNESS_CREATE_INFO_EXT);
   if (robustness && robustness->vertexInputs != VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_DEVICE_DEFAULT_EXT)
     state.wholeAttributes = robustness->vertexInputs == VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_ROBUST_BUFFER_ACCESS_2_EXT;

@@ -272,7 +272,8 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   if (!fixed.rasterizerDiscard) {
     const VisibilityTraits& v = pipeline.visibility;
     record->visibility = &v;
-    record->unitClamp = !fixed.depthClamp && (fixed.depthBias || !fixed.depthClip);
+    record->leavesViewport = !fixed.depthClamp && (fixed.depthBias || !fixed.depthClip);
+    record->freeRange = freeDepths(fixed);
     bool ordered = true;   // no NaN
     for (uint32_t i = 0; i < fixed.viewportCount; ++i) {
       const VkViewport& viewport = i ? state.furtherViewports[i - 1] : state.viewport;

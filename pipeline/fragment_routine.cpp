@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <limits>
 #include <set>
 
 #include "base/log.h"
@@ -255,7 +256,10 @@ Value clampDepth(ir::Builder& b, const GraphicsPipeline& pipeline, Value depth, 
   const texture::FormatInfo* f = texture::formatInfo(s.depthStencilFormat);
   if (!f || !f->hasDepth()) return depth;
   // Clipping leaves depths in the viewport's range but for rounding; a bias or the shader may leave it on purpose.
-  if (!s.depthClamp && (s.depthBias || fromShader || !s.depthClip)) return b.fmin(b.fmax(depth, b.f32(0)), b.f32(1));
+  if (!s.depthClamp && (s.depthBias || fromShader || !s.depthClip)) {
+    const raster::DepthRange range = freeDepths(s);
+    return b.fmin(b.fmax(depth, b.f32(range.low)), b.f32(range.high));
+  }
   const bool chosen = pipeline.link.viewportRow >= 0;
   const Value n = chosen ? b.quadLoad(Type::F32, offsetof(raster::RecordHeader, minDepth)) : PUMICE_DRAW_FIELD(b, F32, minDepth);
   const Value m = chosen ? b.quadLoad(Type::F32, offsetof(raster::RecordHeader, maxDepth)) : PUMICE_DRAW_FIELD(b, F32, maxDepth);
@@ -263,6 +267,11 @@ Value clampDepth(ir::Builder& b, const GraphicsPipeline& pipeline, Value depth, 
 }
 
 }  // namespace
+
+raster::DepthRange freeDepths(const GraphicsState& s) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  return s.unrestrictedDepth ? raster::DepthRange{-kInfinity, kInfinity} : raster::DepthRange{};
+}
 
 VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {
   VisibilityTraits v;

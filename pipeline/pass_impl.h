@@ -32,10 +32,11 @@ struct DrawRecord {
   interp::UniformBank oneRecordBank;   //!< for fragment->forOneRecord()
   raster::DepthRange depthRanges[raster::kMaxViewports];
   const VisibilityTraits* visibility = nullptr;   //!< the pipeline's
-  bool unitClamp = false;        //!< depths are clamped to [0, 1], not to the viewport's range
+  bool leavesViewport = false;   //!< depths may leave the viewport's range; they are clamped to:
+  raster::DepthRange freeRange;
   //! What depths of a primitive in the viewport are clamped to; ordered.
   raster::DepthRange clamp(uint32_t viewport) const {
-    if (unitClamp) return {};
+    if (leavesViewport) return freeRange;
     const raster::DepthRange& r = depthRanges[viewport];
     return {std::min(r.low, r.high), std::max(r.low, r.high)};
   }

@@ -28,6 +28,7 @@ struct GraphicsState {
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
   bool primitiveRestart = false;
   bool rasterizerDiscard = false, depthClamp = false, depthClip = true, depthBias = false;
+  bool unrestrictedDepth = false;      //!< float depths outside [0, 1] are kept (VK_EXT_depth_range_unrestricted)
   bool provokingLast = false;
   raster::LineMode lineMode = raster::LineMode::Rectangular;
   VkPolygonMode polygonMode = VK_POLYGON_MODE_FILL;

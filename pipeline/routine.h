@@ -91,6 +91,9 @@ struct VisibilityTraits {
   uint32_t sampleMask = ~0u;
   raster::DepthTest depth;
 };
+//! What depths are clamped to that may leave the viewport's range (a bias, the shader's own, no clipping; no clamping asked for).
+raster::DepthRange freeDepths(const GraphicsState& state);
+
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {
   std::unique_ptr<interp::Executable> code;
