@@ -59,7 +59,9 @@ void initFloatControls(VkPhysicalDeviceVulkan12Properties& p) {
 }
 
 void initVulkan12(VkPhysicalDeviceVulkan12Properties& p, const VkPhysicalDeviceLimits& l) {
-  p.driverID = VkDriverId(0);   // none of the registered drivers
+  // None of the registered drivers. Another's number would be a lie, and bring that one's workarounds; applications take the
+  // default branch for one they do not know.
+  p.driverID = VkDriverId(0);
   std::snprintf(p.driverName, sizeof p.driverName, "Pumice");
   std::snprintf(p.driverInfo, sizeof p.driverInfo, "Pumice " PUMICE_VERSION);
   p.conformanceVersion = {};    // not submitted
