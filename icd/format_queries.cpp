@@ -56,10 +56,12 @@ VkResult imageFormatProperties(const PhysicalDevice& device, VkFormat format, Vk
     for (const UsageRule& rule : kUsageRules)
       if ((usage & rule.usage) && !(features & rule.feature)) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   constexpr VkImageCreateFlags kSparse = VK_IMAGE_CREATE_SPARSE_BINDING_BIT | VK_IMAGE_CREATE_SPARSE_RESIDENCY_BIT | VK_IMAGE_CREATE_SPARSE_ALIASED_BIT;
-  constexpr VkImageCreateFlags kUnsupported = kSparse | VK_IMAGE_CREATE_PROTECTED_BIT | VK_IMAGE_CREATE_DISJOINT_BIT |
+  constexpr VkImageCreateFlags kUnsupported = kSparse | VK_IMAGE_CREATE_PROTECTED_BIT |
                                               VK_IMAGE_CREATE_SAMPLE_LOCATIONS_COMPATIBLE_DEPTH_BIT_EXT | VK_IMAGE_CREATE_SUBSAMPLED_BIT_EXT |
                                               VK_IMAGE_CREATE_SPLIT_INSTANCE_BIND_REGIONS_BIT;
   if (flags & kUnsupported) return VK_ERROR_FORMAT_NOT_SUPPORTED;
+  if ((flags & VK_IMAGE_CREATE_DISJOINT_BIT) && !(features & VK_FORMAT_FEATURE_DISJOINT_BIT)) return VK_ERROR_FORMAT_NOT_SUPPORTED;
+  if (f->isMultiPlanar() && (type != VK_IMAGE_TYPE_2D || (flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT))) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if ((flags & VK_IMAGE_CREATE_BLOCK_TEXEL_VIEW_COMPATIBLE_BIT) && !f->isCompressed()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if ((flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) && type != VK_IMAGE_TYPE_2D) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if (type != VK_IMAGE_TYPE_2D && f->isDepthStencil()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
@@ -69,9 +71,11 @@ VkResult imageFormatProperties(const PhysicalDevice& device, VkFormat format, Vk
   bool linear = tiling == VK_IMAGE_TILING_LINEAR;
   uint32_t edge = type == VK_IMAGE_TYPE_3D ? l.maxImageDimension3D : type == VK_IMAGE_TYPE_1D ? l.maxImageDimension1D : l.maxImageDimension2D;
   out.maxExtent = {edge, type == VK_IMAGE_TYPE_1D ? 1 : edge, type == VK_IMAGE_TYPE_3D ? edge : 1};
-  out.maxMipLevels = linear ? 1 : uint32_t(std::bit_width(edge));
-  out.maxArrayLayers = type == VK_IMAGE_TYPE_3D || linear ? 1 : l.maxImageArrayLayers;
-  bool multisampled = !linear && type == VK_IMAGE_TYPE_2D && !(flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) &&
+  // One level and layer: what a view of all planes can have (ycbcr.cpp; no ycbcrImageArrays).
+  const bool single = linear || f->isMultiPlanar();
+  out.maxMipLevels = single ? 1 : uint32_t(std::bit_width(edge));
+  out.maxArrayLayers = type == VK_IMAGE_TYPE_3D || single ? 1 : l.maxImageArrayLayers;
+  bool multisampled = !single && type == VK_IMAGE_TYPE_2D && !(flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) &&
                       (features & (VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT | VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT));
   out.sampleCounts = multisampled ? texture::sampleCounts(*f) : VkSampleCountFlags(VK_SAMPLE_COUNT_1_BIT);
   out.maxResourceSize = std::min<uint64_t>(device.memory.memoryHeaps[0].size, uint64_t(1) << 40);

@@ -1,4 +1,4 @@
-// Images, image views and samplers.
+// Images, image views, samplers and their conversions of Y'CbCr.
 #include <algorithm>
 #include <cstring>
 
@@ -11,8 +11,12 @@
 namespace pumice::icd {
 namespace {
 
-VkMemoryRequirements imageRequirements(const texture::ImageLayout& layout) {
-  return {(layout.size + 63) & ~uint64_t(63), std::max<uint64_t>(layout.alignment, 64), kMemoryTypeBits};
+uint64_t planeBytes(const texture::ImageLayout& layout, const texture::PlaneLayout& plane) { return plane.samplePitch * layout.samples; }
+
+//! `plane`: the aspect of one plane, or 0: the whole image.
+VkMemoryRequirements imageRequirements(const texture::ImageLayout& layout, VkImageAspectFlags plane = 0) {
+  uint64_t size = plane ? planeBytes(layout, layout.plane(plane)) : layout.size;
+  return {(size + 63) & ~uint64_t(63), std::max<uint64_t>(layout.alignment, 64), kMemoryTypeBits};
 }
 
 uint8_t resolveSwizzle(VkComponentSwizzle s, VkComponentSwizzle identity) {
@@ -39,10 +43,11 @@ void fillDescriptor(ImageView& view, const VkComponentMapping& components) {
     first += view.range.baseArrayLayer * plane.layerPitch;
     d.layerPitch = plane.layerPitch;
   }
+  const bool multiPlanar = image.layout.format->isMultiPlanar();
   d.base = reinterpret_cast<uint64_t>(image.data) + first;
   d.levels = reinterpret_cast<uint64_t>(view.levels);
   d.samplePitch = plane.samplePitch;
-  d.size = image.data ? image.layout.size - first : 0;
+  d.size = !image.data ? 0 : multiPlanar ? planeBytes(image.layout, plane) - (first - plane.offset) : image.layout.size - first;
   d.width = view.levels[0].width;
   d.height = view.levels[0].height;
   d.depth = slices3D ? 1 : view.levels[0].depth;
@@ -52,10 +57,18 @@ void fillDescriptor(ImageView& view, const VkComponentMapping& components) {
 
   texture::ViewKey& k = d.key;
   k.format = format ? texture::formatKey(*format) : 0;
+  if (format && format->isMultiPlanar())
+    for (uint32_t p = 1; p < image.layout.planeCount; p++) {
+      const texture::PlaneLayout& other = image.layout.planes[p];
+      view.levels[p] = other.levels[view.range.baseMipLevel];
+      const uint64_t layers = view.range.baseArrayLayer * other.layerPitch;
+      d.planes[p - 1] = {reinterpret_cast<uint64_t>(image.data) + other.offset + layers, image.data ? planeBytes(image.layout, other) - layers : 0};
+    }
   k.viewType = uint8_t(view.viewType);
   k.tiled = texture::addressing(image.layout.tiled, d.size);
   VkImageAspectFlags aspect = view.range.aspectMask;
   if (aspect & VK_IMAGE_ASPECT_DEPTH_BIT) aspect = VK_IMAGE_ASPECT_DEPTH_BIT;   // attachments may name both
+  if (multiPlanar) aspect = VK_IMAGE_ASPECT_COLOR_BIT;   // the view's format is that of the plane, or of all
   k.aspect = uint8_t(aspect);
   k.swizzle[0] = resolveSwizzle(components.r, VK_COMPONENT_SWIZZLE_R);
   k.swizzle[1] = resolveSwizzle(components.g, VK_COMPONENT_SWIZZLE_G);
@@ -65,11 +78,24 @@ void fillDescriptor(ImageView& view, const VkComponentMapping& components) {
   k.singleLevel = view.range.levelCount == 1;
 }
 
+// The image has memory when all planes have.
+void bindPlane(Image& image, VkImageAspectFlags aspect, std::byte* data) {
+  image.planeData[&image.layout.plane(aspect) - image.layout.planes] = data;
+  for (uint32_t p = 0; p < image.layout.planeCount; p++)
+    if (!image.planeData[p]) return;
+  image.data = image.planeData[0];
+  for (uint32_t p = 0; p < image.layout.planeCount; p++)
+    image.layout.planes[p].offset = reinterpret_cast<uint64_t>(image.planeData[p]) - reinterpret_cast<uint64_t>(image.data);
+}
+
 void bindImage(VkImage handle, VkDeviceMemory memory, VkDeviceSize offset, const void* chain) {
   Image& image = *from(handle);
   if (auto* swapchain = findInChain<VkBindImageMemorySwapchainInfoKHR>(chain, VK_STRUCTURE_TYPE_BIND_IMAGE_MEMORY_SWAPCHAIN_INFO_KHR);
       swapchain && swapchain->swapchain)
     image.data = swapchainImageData(swapchain->swapchain, swapchain->imageIndex);
+  else if (auto* plane = findInChain<VkBindImagePlaneMemoryInfo>(chain, VK_STRUCTURE_TYPE_BIND_IMAGE_PLANE_MEMORY_INFO);
+           plane && (image.flags & VK_IMAGE_CREATE_DISJOINT_BIT))
+    bindPlane(image, plane->planeAspect, from(memory)->data + offset);
   else
     image.data = from(memory)->data + offset;
 }
@@ -100,12 +126,15 @@ VKAPI_ATTR void VKAPI_CALL vkDestroyImage(VkDevice handle, VkImage image, const 
 VKAPI_ATTR void VKAPI_CALL vkGetImageMemoryRequirements(VkDevice, VkImage image, VkMemoryRequirements* out) { *out = imageRequirements(from(image)->layout); }
 
 VKAPI_ATTR void VKAPI_CALL vkGetImageMemoryRequirements2(VkDevice, const VkImageMemoryRequirementsInfo2* info, VkMemoryRequirements2* out) {
-  out->memoryRequirements = imageRequirements(from(info->image)->layout);
+  const Image& image = *from(info->image);
+  auto* plane = findInChain<VkImagePlaneMemoryRequirementsInfo>(info->pNext, VK_STRUCTURE_TYPE_IMAGE_PLANE_MEMORY_REQUIREMENTS_INFO);
+  out->memoryRequirements = imageRequirements(image.layout, plane && (image.flags & VK_IMAGE_CREATE_DISJOINT_BIT) ? VkImageAspectFlags(plane->planeAspect) : 0);
   fillDedicated(out->pNext);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkGetDeviceImageMemoryRequirements(VkDevice, const VkDeviceImageMemoryRequirements* info, VkMemoryRequirements2* out) {
-  out->memoryRequirements = imageRequirements(texture::imageLayout(*info->pCreateInfo));
+  const bool disjoint = info->pCreateInfo->flags & VK_IMAGE_CREATE_DISJOINT_BIT;
+  out->memoryRequirements = imageRequirements(texture::imageLayout(*info->pCreateInfo), disjoint ? VkImageAspectFlags(info->planeAspect) : 0);
   fillDedicated(out->pNext);
 }
 
@@ -140,7 +169,9 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateImageView(VkDevice handle, const VkImageV
   bool slices = layout.type == VK_IMAGE_TYPE_3D && info->viewType != VK_IMAGE_VIEW_TYPE_3D;
   uint32_t layers = slices ? std::max(1u, layout.extent.depth >> view->range.baseMipLevel) : layout.arrayLayers;
   if (view->range.layerCount == VK_REMAINING_ARRAY_LAYERS) view->range.layerCount = layers - view->range.baseArrayLayer;
-  fillDescriptor(*view, info->components);
+  // With a conversion the view's own mapping is the identity.
+  auto* conversion = findInChain<VkSamplerYcbcrConversionInfo>(info->pNext, VK_STRUCTURE_TYPE_SAMPLER_YCBCR_CONVERSION_INFO);
+  fillDescriptor(*view, conversion ? from(conversion->conversion)->components : info->components);
   *out = to<VkImageView>(view);
   return VK_SUCCESS;
 }
@@ -181,6 +212,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSampler(VkDevice handle, const VkSamplerC
   k.unnormalized = info->unnormalizedCoordinates != 0;
   if (auto* reduction = findInChain<VkSamplerReductionModeCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_SAMPLER_REDUCTION_MODE_CREATE_INFO))
     k.reduction = uint8_t(reduction->reductionMode);
+  if (auto* conversion = findInChain<VkSamplerYcbcrConversionInfo>(info->pNext, VK_STRUCTURE_TYPE_SAMPLER_YCBCR_CONVERSION_INFO))
+    k.conversion = texture::conversionBits(from(conversion->conversion)->conversion);
   k.integerBorder = integer;
   k.zeroLod = info->maxLod == 0 && info->minLod == 0;
   k.present = 1;
@@ -190,6 +223,24 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSampler(VkDevice handle, const VkSamplerC
 
 VKAPI_ATTR void VKAPI_CALL vkDestroySampler(VkDevice handle, VkSampler sampler, const VkAllocationCallbacks* callbacks) {
   from(handle)->destroy(callbacks, from(sampler));
+}
+
+VKAPI_ATTR VkResult VKAPI_CALL vkCreateSamplerYcbcrConversion(VkDevice handle, const VkSamplerYcbcrConversionCreateInfo* info, const VkAllocationCallbacks* callbacks,
+                                                              VkSamplerYcbcrConversion* out) {
+  auto* made = from(handle)->make<SamplerYcbcrConversion>(callbacks);
+  if (!made) return VK_ERROR_OUT_OF_HOST_MEMORY;
+  made->conversion.model = uint8_t(info->ycbcrModel);
+  made->conversion.narrow = info->ycbcrRange == VK_SAMPLER_YCBCR_RANGE_ITU_NARROW;
+  made->conversion.cosited[0] = info->xChromaOffset == VK_CHROMA_LOCATION_COSITED_EVEN;
+  made->conversion.cosited[1] = info->yChromaOffset == VK_CHROMA_LOCATION_COSITED_EVEN;
+  made->conversion.linear = info->chromaFilter == VK_FILTER_LINEAR;
+  made->components = info->components;
+  *out = to<VkSamplerYcbcrConversion>(made);
+  return VK_SUCCESS;
+}
+
+VKAPI_ATTR void VKAPI_CALL vkDestroySamplerYcbcrConversion(VkDevice device, VkSamplerYcbcrConversion conversion, const VkAllocationCallbacks* callbacks) {
+  from(device)->destroy(callbacks, from(conversion));
 }
 
 }  // namespace pumice::icd

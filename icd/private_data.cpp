@@ -1,5 +1,4 @@
-// VK_EXT_private_data (core in 1.3): 64 bits of the application's per object and slot. And sampler conversions, which need
-// a feature that is not offered.
+// VK_EXT_private_data (core in 1.3): 64 bits of the application's per object and slot.
 #include <mutex>
 #include <unordered_map>
 
@@ -38,10 +37,5 @@ VKAPI_ATTR void VKAPI_CALL vkGetPrivateData(VkDevice, VkObjectType, uint64_t obj
   auto it = from(slot)->values.find(object);
   *data = it == from(slot)->values.end() ? 0 : it->second;
 }
-
-VKAPI_ATTR VkResult VKAPI_CALL vkCreateSamplerYcbcrConversion(VkDevice, const VkSamplerYcbcrConversionCreateInfo*, const VkAllocationCallbacks*, VkSamplerYcbcrConversion*) {
-  return VK_ERROR_FEATURE_NOT_PRESENT;
-}
-VKAPI_ATTR void VKAPI_CALL vkDestroySamplerYcbcrConversion(VkDevice, VkSamplerYcbcrConversion, const VkAllocationCallbacks*) {}
 
 }  // namespace pumice::icd

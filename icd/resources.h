@@ -37,6 +37,7 @@ struct Image {
   VkImageUsageFlags usage = 0;
   VkFormat format = VK_FORMAT_UNDEFINED;
   std::byte* data = nullptr;     //!< null until bound
+  std::byte* planeData[3] = {};  //!< of a disjoint image, as far as they are bound; then layout's planes lie relative to the first
   texture::ImageMemory memory() const { return {data ? &layout : nullptr, data}; }
 };
 
@@ -53,12 +54,18 @@ struct Sampler {
   texture::SamplerDescriptor descriptor;
 };
 
+struct SamplerYcbcrConversion {
+  texture::Conversion conversion;
+  VkComponentMapping components{};
+};
+
 PUMICE_HANDLE(DeviceMemory, VkDeviceMemory)
 PUMICE_HANDLE(Buffer, VkBuffer)
 PUMICE_HANDLE(BufferView, VkBufferView)
 PUMICE_HANDLE(Image, VkImage)
 PUMICE_HANDLE(ImageView, VkImageView)
 PUMICE_HANDLE(Sampler, VkSampler)
+PUMICE_HANDLE(SamplerYcbcrConversion, VkSamplerYcbcrConversion)
 
 //! Memory requirements of every buffer and image: one memory type.
 constexpr uint32_t kMemoryTypeBits = 1;

@@ -43,8 +43,9 @@ SliceAddress sliceAddress(const ImageFields& f, Value level, Value layer, Value 
   Builder& b = f.b;
   const Value levels = f.i64(offsetof(ImageDescriptor, levels));
   // A null descriptor has no levels, so that nothing is read through its address.
-  const Value levelBytes = widen(b, b.imul(f.i32(offsetof(ImageDescriptor, levelCount)), b.i32(sizeof(LevelLayout))));
-  const Value at = level ? scaleBy(b, level, sizeof(LevelLayout)) : b.i32(0);
+  const Value levelBytes = widen(b, b.imul(f.i32(offsetof(ImageDescriptor, levelCount)), b.i32(uint32_t(sizeof(LevelLayout)) * (f.plane + 1))));
+  // Each plane of a multi-planar view has one level.
+  const Value at = f.plane ? b.i32(uint32_t(sizeof(LevelLayout)) * f.plane) : level ? scaleBy(b, level, sizeof(LevelLayout)) : b.i32(0);
   auto levelField = [&](Type type, size_t field) { return b.loadConst(type, levels, at, levelBytes, uint32_t(field)); };
 
   SliceAddress s;
@@ -52,8 +53,8 @@ SliceAddress sliceAddress(const ImageFields& f, Value level, Value layer, Value 
   const Type word = compact ? Type::I32 : Type::I64;
   s.rowPitch = levelField(Type::I32, offsetof(LevelLayout, rowPitch));
   s.slicePitch = levelField(word, offsetof(LevelLayout, slicePitch));
-  s.base = f.i64(offsetof(ImageDescriptor, base));
-  s.size = f.i64(offsetof(ImageDescriptor, size));
+  s.base = f.base();
+  s.size = f.size();
   if (compact && level && !b.isConstant(level)) {
     s.offset = levelField(Type::I32, offsetof(LevelLayout, offset));
   } else {

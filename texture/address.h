@@ -10,9 +10,13 @@ namespace pumice::texture {
 struct ImageFields {
   ir::Builder& b;
   const ImageRef& ref;
+  unsigned plane = 0;   //!< of a multi-planar view
 
   ir::Value i32(size_t offset) const { return b.tableLoad(ir::Type::I32, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); }
   ir::Value i64(size_t offset) const { return b.tableLoad(ir::Type::I64, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); }
+  //! Of the plane: where it begins, and how much of it may be accessed.
+  ir::Value base() const { return i64(plane ? offsetof(ImageDescriptor, planes) + 16 * (plane - 1) : offsetof(ImageDescriptor, base)); }
+  ir::Value size() const { return i64(plane ? offsetof(ImageDescriptor, planes) + 16 * (plane - 1) + 8 : offsetof(ImageDescriptor, size)); }
   ir::Value f32(size_t offset) const { return b.tableLoad(ir::Type::F32, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); }
 };
 

@@ -24,7 +24,8 @@ using RawElement = std::array<ir::Value, 8>;
 struct RawLoads { ir::Type type; uint32_t count; };
 RawLoads rawLoads(const FormatInfo& f);
 
-//! The format of one plane: for combined depth/stencil the format of that aspect alone (X8_D24, D32, D16, S8), else f.
+//! The format of one plane: for combined depth/stencil the format of that aspect alone (X8_D24, D32, D16, S8), for an aspect PLANE_n
+//! of multi-planar formats that plane's, else f.
 const FormatInfo& planeFormat(const FormatInfo& f, VkImageAspectFlags aspect);
 
 //! What the caller of a routine must give as table ir::kTableConstants (the sRGB tables). Made on first use, lives for ever.

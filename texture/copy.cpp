@@ -169,7 +169,8 @@ void copyImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory
   if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels) return;
   const Layers sourceLayers = layersOf(from, ss), targetLayers = layersOf(to, ds);
 
-  constexpr VkImageAspectFlags kAspects[] = {VK_IMAGE_ASPECT_COLOR_BIT, VK_IMAGE_ASPECT_DEPTH_BIT, VK_IMAGE_ASPECT_STENCIL_BIT};
+  constexpr VkImageAspectFlags kAspects[] = {VK_IMAGE_ASPECT_COLOR_BIT,   VK_IMAGE_ASPECT_DEPTH_BIT,   VK_IMAGE_ASPECT_STENCIL_BIT,
+                                             VK_IMAGE_ASPECT_PLANE_0_BIT, VK_IMAGE_ASPECT_PLANE_1_BIT, VK_IMAGE_ASPECT_PLANE_2_BIT};
   for (VkImageAspectFlags aspect : kAspects) {
     if (!(ss.aspectMask & aspect)) continue;
     const PlaneLayout& sp = from.plane(aspect);

@@ -22,8 +22,8 @@ static_assert(sizeof(BufferDescriptor) == 32);
 
 //! An image view (sampled, storage, input attachment). Levels and layers count from the view's base.
 struct ImageDescriptor {
-  uint64_t base = 0;          //!< address of the plane, first layer of the view, sample 0
-  uint64_t levels = 0;        //!< address of LevelLayout[levelCount] of the view's first level
+  uint64_t base = 0;          //!< address of the plane (multi-planar: of the first), first layer of the view, sample 0
+  uint64_t levels = 0;        //!< address of LevelLayout[levelCount] of the view's first level; multi-planar: of the only level of each plane
   uint64_t layerPitch = 0;    //!< bytes
   uint64_t samplePitch = 0;   //!< bytes
   uint64_t size = 0;          //!< bytes from base that may be accessed
@@ -33,8 +33,12 @@ struct ImageDescriptor {
   uint32_t samples = 0;
   float minLod = 0;
   ViewKey key;                //!< selects code: read by the draw, not by routines
+  //! The further planes of a multi-planar view.
+  struct {
+    uint64_t base = 0, size = 0;
+  } planes[2];
 };
-static_assert(sizeof(ImageDescriptor) == 80);
+static_assert(sizeof(ImageDescriptor) == 112);
 
 struct SamplerDescriptor {
   float border[4] = {};       //!< colour, already in the numeric type of the sampler's border (bits for integer ones)
@@ -47,7 +51,7 @@ static_assert(sizeof(SamplerDescriptor) == 64);
 //! One element of a binding: stride is fixed by the descriptor type.
 struct CombinedDescriptor {
   ImageDescriptor image;
-  uint32_t padding[12] = {};
+  uint32_t padding[4] = {};
   SamplerDescriptor sampler;
 };
 static_assert(sizeof(CombinedDescriptor) == 192 && offsetof(CombinedDescriptor, sampler) == 128);

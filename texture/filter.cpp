@@ -109,7 +109,7 @@ Filter::Axis Filter::makeAxis(unsigned n, Value u, Value extent, Value offset) {
   Value floor;
   if (linear_) {
     // Where only some lanes filter linearly the others take one texel with weight 0.
-    x = toTexels(linearMask_ ? b_.select(linearMask_, b_.f32(-0.5f), b_.f32(0.0f)) : b_.f32(-0.5f));
+    x = toTexels(linearMask_ ? b_.select(linearMask_, b_.f32(-0.5f), b_.f32(0.0f)) : b_.f32(n < 2 ? s_.offset[n] - 0.5f : -0.5f));
     floor = b_.ffloor(x);
     a.weight = b_.fsub(x, floor);
     if (linearMask_) a.weight = b_.select(linearMask_, a.weight, b_.f32(0.0f));

@@ -41,8 +41,19 @@ struct Field {
   Numeric numeric = Numeric::None;
 };
 
+//! Format of a plane with this many components of this many bits (spec, "Formats of planes of multi-planar formats").
+constexpr VkFormat planeFormatOf(unsigned bits, unsigned components) {
+  switch (bits) {
+    case 8: return components == 1 ? VK_FORMAT_R8_UNORM : VK_FORMAT_R8G8_UNORM;
+    case 10: return components == 1 ? VK_FORMAT_R10X6_UNORM_PACK16 : VK_FORMAT_R10X6G10X6_UNORM_2PACK16;
+    case 12: return components == 1 ? VK_FORMAT_R12X4_UNORM_PACK16 : VK_FORMAT_R12X4G12X4_UNORM_2PACK16;
+    default: return components == 1 ? VK_FORMAT_R16_UNORM : VK_FORMAT_R16G16_UNORM;
+  }
+}
+
 // Reads a format's name: lists of letter and bit count, each followed by a numeric type; PACKn says that the list
-// runs from the highest bits of one word downwards instead of upwards in memory.
+// runs from the highest bits of one word downwards instead of upwards in memory, nPACK16 that each of n words does. Several lists
+// before nPLANE are planes.
 constexpr FormatInfo parseFormat(VkFormat format, const char* name) {
   FormatInfo f{};
   f.format = format;
@@ -50,8 +61,11 @@ constexpr FormatInfo parseFormat(VkFormat format, const char* name) {
   f.blockWidth = f.blockHeight = 1;
   f.compression = Compression::None;
 
-  std::array<Field, 6> fields{};
-  size_t count = 0, untyped = 0;
+  f.planeCount = 1;
+
+  std::array<Field, 8> fields{};
+  std::array<size_t, 4> planeStart{};
+  size_t count = 0, untyped = 0, lists = 0;
   std::string_view rest = name;
   std::string_view channels;
   while (!rest.empty()) {
@@ -82,6 +96,13 @@ constexpr FormatInfo parseFormat(VkFormat format, const char* name) {
       f.flags |= kPacked;
       continue;
     }
+    if (isDigit(token[0])) {
+      if (token.substr(1) == "PLANE") f.planeCount = uint8_t(token[0] - '0');
+      else if (token.substr(1) == "PACK16") f.flags |= kPadded16;
+      else f.chromaShift[0] = token != "444", f.chromaShift[1] = token == "420";
+      continue;
+    }
+    if (lists < planeStart.size()) planeStart[lists++] = count;
     for (size_t i = 0; i < token.size();) {
       Field& field = fields[count++];
       field.letter = token[i++];
@@ -107,9 +128,25 @@ constexpr FormatInfo parseFormat(VkFormat format, const char* name) {
     if (index >= 0) {
       Numeric numeric = field.numeric == Numeric::Srgb && index == 3 ? Numeric::Unorm : field.numeric;
       bool ownPlane = f.flags & (kDepth | kStencil) && !(f.flags & kPacked);
-      f.rgba[ownPlane && !combined ? 0 : index] = {field.bits, uint8_t(ownPlane ? 0 : position), numeric};
+      // In a word of 16 the padding that is named after a component lies below it.
+      unsigned padding = f.flags & kPadded16 && i + 1 < count && fields[i + 1].letter == 'X' ? fields[i + 1].bits : 0;
+      f.rgba[ownPlane && !combined ? 0 : index] = {field.bits, uint8_t(ownPlane ? 0 : position + padding), numeric};
     }
     if (!(f.flags & kPacked)) position += field.bits;
+  }
+  for (const Field& field : fields)
+    if (field.letter == 'X' && !(f.flags & (kDepth | kStencil))) f.flags |= kPadded16;
+
+  for (size_t p = 0; f.planeCount > 1 && p < f.planeCount; ++p) {
+    const size_t end = p + 1 < f.planeCount ? planeStart[p + 1] : count;
+    unsigned components = 0;
+    for (size_t i = planeStart[p]; i < end; ++i) {
+      int index = componentIndex(fields[i].letter);
+      if (index < 0) continue;
+      f.componentPlane[index] = uint8_t(p);
+      f.componentInPlane[index] = uint8_t(components++);
+    }
+    f.planeFormats[p] = planeFormatOf(fields[planeStart[p]].bits, components);
   }
 
   if (f.compression != Compression::None) {
@@ -119,7 +156,7 @@ constexpr FormatInfo parseFormat(VkFormat format, const char* name) {
   } else if (f.flags & kDepth) {
     f.elementBytes = f.rgba[0].bits == 16 ? 2 : 4;  // the 24-bit planes are words
   } else {
-    f.elementBytes = uint8_t(total / 8);
+    f.elementBytes = uint8_t(total / 8);   // of multi-planar formats nobody asks: their planes have formats
   }
   return f;
 }
@@ -161,6 +198,12 @@ VkFormatFeatureFlags2 colorImageFeatures(const FormatInfo& f) {
     if (!kSampleCompressed) return kTransfer;
     return kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | kLinearFilter | VK_FORMAT_FEATURE_2_BLIT_SRC_BIT;
   }
+  // Views of all planes are sampled through a conversion (ycbcr.cpp), each plane by itself like any format.
+  if (f.isMultiPlanar())
+    return kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_FILTER_LINEAR_BIT |
+           VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_YCBCR_CONVERSION_LINEAR_FILTER_BIT |
+           VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_YCBCR_CONVERSION_SEPARATE_RECONSTRUCTION_FILTER_BIT |
+           VK_FORMAT_FEATURE_2_MIDPOINT_CHROMA_SAMPLES_BIT | VK_FORMAT_FEATURE_2_COSITED_CHROMA_SAMPLES_BIT | VK_FORMAT_FEATURE_2_DISJOINT_BIT;
   if (isScaled(f) || isWide(f)) return kTransfer;
   VkFormatFeatureFlags2 features =
       kTransfer | VK_FORMAT_FEATURE_2_SAMPLED_IMAGE_BIT | VK_FORMAT_FEATURE_2_BLIT_SRC_BIT | VK_FORMAT_FEATURE_2_BLIT_DST_BIT;
@@ -171,6 +214,7 @@ VkFormatFeatureFlags2 colorImageFeatures(const FormatInfo& f) {
 }  // namespace
 
 VkImageAspectFlags FormatInfo::aspects() const {
+  if (isMultiPlanar()) return VK_IMAGE_ASPECT_PLANE_0_BIT | VK_IMAGE_ASPECT_PLANE_1_BIT | (planeCount > 2 ? VK_IMAGE_ASPECT_PLANE_2_BIT : 0);
   if (!isDepthStencil()) return VK_IMAGE_ASPECT_COLOR_BIT;
   return (hasDepth() ? VK_IMAGE_ASPECT_DEPTH_BIT : 0) | (hasStencil() ? VK_IMAGE_ASPECT_STENCIL_BIT : 0);
 }
@@ -197,7 +241,7 @@ VkFormatFeatureFlags2 optimalFeatures(const FormatInfo& f) {
     return features;
   }
   VkFormatFeatureFlags2 features = colorImageFeatures(f);
-  if (f.isCompressed() || isScaled(f) || isWide(f)) return features;
+  if (f.isCompressed() || f.isMultiPlanar() || isScaled(f) || isWide(f)) return features;
   if (powerOfTwo(f.elementBytes) && !(f.flags & kSharedExponent)) {
     features |= VK_FORMAT_FEATURE_2_COLOR_ATTACHMENT_BIT;
     if (!f.isInteger()) features |= VK_FORMAT_FEATURE_2_COLOR_ATTACHMENT_BLEND_BIT;
@@ -214,7 +258,7 @@ VkFormatFeatureFlags2 linearFeatures(const FormatInfo& f) { return f.isDepthSten
 
 VkFormatFeatureFlags2 bufferFeatures(const FormatInfo& f) {
   if (isWide(f)) return VK_FORMAT_FEATURE_2_VERTEX_BUFFER_BIT;
-  if (f.isCompressed() || f.isDepthStencil() || isSrgb(f)) return 0;
+  if (f.isCompressed() || f.isDepthStencil() || f.isMultiPlanar() || (f.flags & kPadded16) || isSrgb(f)) return 0;
   VkFormatFeatureFlags2 features = 0;
   if (!(f.flags & kSharedExponent)) features |= VK_FORMAT_FEATURE_2_VERTEX_BUFFER_BIT;
   if (!isScaled(f)) features |= VK_FORMAT_FEATURE_2_UNIFORM_TEXEL_BUFFER_BIT;
@@ -234,6 +278,7 @@ VkSampleCountFlags sampleCounts(const FormatInfo& f) {
 bool compatible(const FormatInfo& a, const FormatInfo& b) {
   if (&a == &b) return true;
   if (a.isDepthStencil() || b.isDepthStencil()) return false;  // each is a class of its own
+  if (a.isMultiPlanar() || b.isMultiPlanar()) return false;
   return a.elementBytes == b.elementBytes && a.isCompressed() == b.isCompressed();
 }
 

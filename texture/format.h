@@ -25,6 +25,7 @@ enum FormatFlags : uint16_t {
   kSharedExponent = 2,  //!< E5B9G9R9
   kDepth = 4,
   kStencil = 8,
+  kPadded16 = 16,       //!< components are the upper bits of words of 16, the others are padding
 };
 
 struct FormatInfo {
@@ -35,11 +36,17 @@ struct FormatInfo {
   Compression compression;
   uint16_t flags;
   Component rgba[4];         //!< depth is in rgba[0], stencil in rgba[1] of combined formats
+  uint8_t planeCount;        //!< of multi-planar formats 2 or 3, each plane with a format of its own; else 1
+  uint8_t chromaShift[2];    //!< planes but the first are smaller by this power of two in x and y
+  VkFormat planeFormats[3];  //!< of multi-planar formats
+  //! Of multi-planar formats, for R, G and B (Cr, Y', Cb): the plane that has it, and which component it is there.
+  uint8_t componentPlane[3], componentInPlane[3];
 
   bool isDepthStencil() const { return flags & (kDepth | kStencil); }
   bool hasDepth() const { return flags & kDepth; }
   bool hasStencil() const { return flags & kStencil; }
   bool isCompressed() const { return compression != Compression::None; }
+  bool isMultiPlanar() const { return planeCount > 1; }
   bool isInteger() const { return rgba[0].numeric == Numeric::Uint || rgba[0].numeric == Numeric::Sint; }
   VkImageAspectFlags aspects() const;
 };

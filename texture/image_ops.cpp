@@ -16,6 +16,7 @@ using ir::Value;
 Value ImageBuild::extent(unsigned i, Value level) const {
   constexpr size_t kField[] = {offsetof(ImageDescriptor, width), offsetof(ImageDescriptor, height), offsetof(ImageDescriptor, depth)};
   Value first = fields.i32(kField[i]);
+  if (i < 2 && shift[i]) first = b.lshr(b.iadd(first, b.i32((1u << shift[i]) - 1)), b.i32(shift[i]));
   return level ? b.umax(b.lshr(first, level), b.i32(1)) : first;
 }
 
@@ -215,6 +216,11 @@ std::vector<Value> expandImage(Builder& b, const ir::ImageOpInfo& op, std::span<
     *error = "block-compressed images are two- or three-dimensional and cannot be written by shaders";
     return {};
   }
+  const bool query = op.kind == ImageKind::QuerySize || op.kind == ImageKind::QueryLevels || op.kind == ImageKind::QuerySamples;
+  if (format.isMultiPlanar() && op.kind != ImageKind::Sample && !query) {
+    *error = "views of all planes of a multi-planar image can only be sampled";
+    return {};
+  }
   if (isSample(op.kind) && op.dim == ImageDim::Buffer) {
     *error = "texel buffers cannot be sampled";
     return {};
@@ -223,8 +229,11 @@ std::vector<Value> expandImage(Builder& b, const ir::ImageOpInfo& op, std::span<
   auto element = [&] { return op.dim == ImageDim::Buffer ? bufferElement(s) : imageElement(s); };
   switch (op.kind) {
     case ImageKind::Sample: {
-      Texel t = sampleImage(s, error);
-      return *error ? std::vector<Value>{} : finish(b, op, swizzle(b, image.key, s.integer(), t));
+      Texel t = format.isMultiPlanar() ? samplePlanes(s, error) : sampleImage(s, error);
+      if (*error) return {};
+      t = swizzle(b, image.key, s.integer(), t);
+      if (sampler.key.conversion && !s.integer()) t = convertYcbcr(b, format, conversionOf(sampler.key.conversion), t);
+      return finish(b, op, t);
     }
     case ImageKind::Gather: {
       Texel t = gatherImage(s, error);

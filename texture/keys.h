@@ -22,6 +22,20 @@ struct ViewKey {
 };
 static_assert(sizeof(ViewKey) == 12);
 
+//! SamplerKey::conversion. The conversion's component mapping stands in ViewKey::swizzle, where the view's own must be the identity.
+struct Conversion {
+  uint8_t model = 0;              //!< VkSamplerYcbcrModelConversion
+  bool narrow = false;            //!< ITU_NARROW range
+  bool cosited[2] = {};           //!< chroma samples lie on even luma samples, else between them; x, y
+  bool linear = false;            //!< chromaFilter
+};
+constexpr uint8_t conversionBits(const Conversion& c) {
+  return uint8_t((c.model + 1) | c.narrow << 3 | c.cosited[0] << 4 | c.cosited[1] << 5 | c.linear << 6);
+}
+constexpr Conversion conversionOf(uint8_t bits) {
+  return {uint8_t((bits & 7) - 1), bool(bits >> 3 & 1), {bool(bits >> 4 & 1), bool(bits >> 5 & 1)}, bool(bits >> 6 & 1)};
+}
+
 //! State of a sampler that selects code.
 struct SamplerKey {
   uint8_t magFilter = 0, minFilter = 0, mipmapMode = 0;         //!< VkFilter, VkSamplerMipmapMode
@@ -33,7 +47,8 @@ struct SamplerKey {
   uint8_t integerBorder = 0;
   uint8_t zeroLod = 0;             //!< maxLod == 0 and minLod == 0: base level only, but min/mag still chosen by level of detail
   uint8_t present = 0;             //!< 1 for a real sampler (a null key is all zero)
-  uint8_t padding[2] = {};
+  uint8_t conversion = 0;          //!< of Y'CbCr (conversionBits), 0: none
+  uint8_t padding[1] = {};
   bool operator==(const SamplerKey& o) const { return !std::memcmp(this, &o, sizeof *this); }
 };
 static_assert(sizeof(SamplerKey) == 16);

@@ -1,6 +1,7 @@
 #include "texture/layout.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 
 #include "texture/descriptor.h"
@@ -29,15 +30,17 @@ uint64_t alignUp(uint64_t x, uint64_t alignment) { return add(x, alignment - 1) 
 uint32_t divideUp(uint32_t x, uint32_t d) { return x / d + (x % d != 0); }
 
 // Fills one plane and returns the offset behind it.
-uint64_t layPlane(const ImageLayout& image, bool linear, PlaneLayout& plane, uint64_t offset, VkImageAspectFlags aspect, uint32_t elementBytes) {
+uint64_t layPlane(const ImageLayout& image, bool linear, PlaneLayout& plane, uint64_t offset, VkImageAspectFlags aspect, uint32_t elementBytes,
+                  std::array<uint8_t, 2> shift = {}) {
   plane.offset = offset;
   plane.aspect = aspect;
   plane.elementBytes = elementBytes;
   uint64_t at = 0;
   for (uint32_t i = 0; i < image.mipLevels; ++i) {
     LevelLayout& level = plane.levels[i];
-    level.width = std::max(image.extent.width >> i, 1u);
-    level.height = std::max(image.extent.height >> i, 1u);
+    // Chroma planes of odd sizes round up.
+    level.width = divideUp(std::max(image.extent.width >> i, 1u), 1u << shift[0]);
+    level.height = divideUp(std::max(image.extent.height >> i, 1u), 1u << shift[1]);
     level.depth = std::max(image.extent.depth >> i, 1u);
     level.elementsX = divideUp(level.width, image.format->blockWidth);
     level.elementsY = divideUp(level.height, image.format->blockHeight);
@@ -82,6 +85,12 @@ ImageLayout imageLayout(const VkImageCreateInfo& info) {
     image.planeCount = combined ? 2 : 1;
     end = layPlane(image, linear, image.planes[0], 0, f.hasDepth() ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_STENCIL_BIT, f.elementBytes);
     if (combined) end = layPlane(image, linear, image.planes[1], end, VK_IMAGE_ASPECT_STENCIL_BIT, 1);
+  } else if (f.isMultiPlanar()) {
+    image.planeCount = f.planeCount;
+    end = 0;
+    for (uint32_t p = 0; p < f.planeCount; ++p)
+      end = layPlane(image, linear, image.planes[p], end, VK_IMAGE_ASPECT_PLANE_0_BIT << p, formatInfo(f.planeFormats[p])->elementBytes,
+                     p ? std::array{f.chromaShift[0], f.chromaShift[1]} : std::array<uint8_t, 2>{});
   } else {
     end = layPlane(image, linear, image.planes[0], 0, VK_IMAGE_ASPECT_COLOR_BIT, f.elementBytes);
   }

@@ -5,7 +5,7 @@
 //     index = (y>>1 & 1) * 8 + (x>>1 & 1) * 4 + (y & 1) * 2 + (x & 1)
 // so that 16 pixels of a 32-bit format are one 64-byte line and a quad's four pixels are adjacent. Blocks run in
 // rows over the whole level. All other images, optimally tiled or linear, are plain rows: addresses cost less, copies are moves of
-// memory, and neighbours in a row are written at once. Depth, stencil and each sample are separate planes. The order is plane, layer, level: all levels of one layer and plane are together.
+// memory, and neighbours in a row are written at once. Depth, stencil and each sample are separate planes, and so are those of multi-planar formats. The order is plane, layer, level: all levels of one layer and plane are together.
 #pragma once
 
 #include <cstdint>
@@ -36,7 +36,7 @@ struct LevelLayout {
 static_assert(sizeof(LevelLayout) == 48);
 
 struct PlaneLayout {
-  uint64_t offset = 0;        //!< bytes from the start of the image
+  uint64_t offset = 0;        //!< bytes from the start of the image (of a disjoint image: from its first plane's memory, modulo 2^64)
   uint64_t samplePitch = 0;   //!< bytes from one sample to the next (the plane repeats per sample)
   uint64_t layerPitch = 0;    //!< bytes from one array layer to the next
   uint32_t elementBytes = 0;
@@ -50,12 +50,13 @@ struct ImageLayout {
   bool tiled = true;          //!< 4x4 blocks; else rows
   VkExtent3D extent{};
   uint32_t mipLevels = 1, arrayLayers = 1, samples = 1;
-  uint32_t planeCount = 1;    //!< 1 (colour, depth only, stencil only) or 2 (depth, stencil)
-  PlaneLayout planes[2];
+  uint32_t planeCount = 1;    //!< 1 (colour, depth only, stencil only), 2 (depth, stencil), 2 or 3 (multi-planar)
+  PlaneLayout planes[3];
   uint64_t size = 0;
   uint64_t alignment = 64;
 
   const PlaneLayout& plane(VkImageAspectFlags aspect) const {
+    if (format && format->isMultiPlanar()) return planes[aspect & VK_IMAGE_ASPECT_PLANE_2_BIT && planeCount > 2 ? 2 : aspect & VK_IMAGE_ASPECT_PLANE_1_BIT ? 1 : 0];
     return planes[planeCount == 2 && (aspect & VK_IMAGE_ASPECT_STENCIL_BIT) && !(aspect & VK_IMAGE_ASPECT_DEPTH_BIT) ? 1 : 0];
   }
   //! Byte offset of element (x, y, z) of a plane. Coordinates in elements, in range.

@@ -228,6 +228,12 @@ RawLoads rawLoads(const FormatInfo& f) {
 }
 
 const FormatInfo& planeFormat(const FormatInfo& f, VkImageAspectFlags aspect) {
+  if (f.isMultiPlanar()) {
+    if (aspect & VK_IMAGE_ASPECT_PLANE_0_BIT) return *formatInfo(f.planeFormats[0]);
+    if (aspect & VK_IMAGE_ASPECT_PLANE_1_BIT) return *formatInfo(f.planeFormats[1]);
+    if (aspect & VK_IMAGE_ASPECT_PLANE_2_BIT && f.planeCount > 2) return *formatInfo(f.planeFormats[2]);
+    return f;
+  }
   if (!f.hasDepth() || !f.hasStencil()) return f;
   if (aspect & VK_IMAGE_ASPECT_DEPTH_BIT) {
     switch (f.rgba[0].bits) {

@@ -27,8 +27,9 @@ struct Slice {
 
 inline Slice sliceOf(const ImageMemory& image, const PlaneLayout& plane, uint32_t level, uint32_t layer, uint32_t sample, uint32_t z) {
   const LevelLayout& l = plane.levels[level];
-  return {image.base + plane.offset + sample * plane.samplePitch + layer * plane.layerPitch + l.offset + z * l.slicePitch, &l, plane.elementBytes,
-          image.layout->tiled};
+  // Planes of a disjoint image may lie before the first one.
+  const uint64_t offset = plane.offset + sample * plane.samplePitch + layer * plane.layerPitch + l.offset + z * l.slicePitch;
+  return {image.base + int64_t(offset), &l, plane.elementBytes, image.layout->tiled};
 }
 
 //! Copies `count` elements between a row of an image and packed memory. Element 0 is column x.

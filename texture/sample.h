@@ -27,6 +27,8 @@ struct ImageBuild {
   const FormatInfo& format;      //!< of the view's plane
   unsigned dimensions;           //!< of the addressed texels: 2 for cubes
   ImageOperandValues in;
+  uint8_t shift[2] = {};         //!< a chroma plane is smaller by these powers of two
+  float offset[2] = {};          //!< added to the coordinates of linear filters, in texels
 
   bool isCube() const { return op.dim == ir::ImageDim::Cube; }
   bool integer() const { return format.isInteger(); }
@@ -63,6 +65,10 @@ CubeFace cubeFace(ir::Builder& b, const ir::Value (&direction)[3], const ir::Val
 //! Sample and Gather: four components before the view's swizzle is applied (Gather: after).
 Texel sampleImage(ImageBuild& s, const char** error);
 Texel gatherImage(ImageBuild& s, const char** error);
+//! Sample of a view of all planes of a multi-planar format: Y', Cb and Cr where they are after reconstruction, not converted.
+Texel samplePlanes(ImageBuild& s, const char** error);
+//! Range expansion and model conversion of what samplePlanes() gave, swizzled.
+Texel convertYcbcr(ir::Builder& b, const FormatInfo& f, const Conversion& conversion, const Texel& t);
 //! The level of detail query: levels accessed, unclamped level of detail.
 std::vector<ir::Value> queryLod(ImageBuild& s);
 

@@ -4,6 +4,7 @@
 
 #include <cstring>
 #include <string>
+#include <vector>
 
 namespace pumice::texture {
 namespace {
@@ -42,14 +43,47 @@ TEST(FormatTable, BitsFollowFromTheNames) {
   expectComponents(VK_FORMAT_D24_UNORM_S8_UINT, 4, {{24, 0, Unorm}, {8, 0, Uint}, {}, {}});
   expectComponents(VK_FORMAT_D32_SFLOAT_S8_UINT, 4, {{32, 0, Sfloat}, {8, 0, Uint}, {}, {}});
   expectComponents(VK_FORMAT_S8_UINT, 1, {{8, 0, Uint}, {}, {}, {}});
+  expectComponents(VK_FORMAT_R10X6_UNORM_PACK16, 2, {{10, 6, Unorm}, {}, {}, {}});
+  expectComponents(VK_FORMAT_R12X4G12X4_UNORM_2PACK16, 4, {{12, 4, Unorm}, {12, 20, Unorm}, {}, {}});
   expectComponents(VK_FORMAT_BC1_RGB_SRGB_BLOCK, 8, {{8, 0, Srgb}, {8, 0, Srgb}, {8, 0, Srgb}, {}});
   expectComponents(VK_FORMAT_BC3_UNORM_BLOCK, 16, {{8, 0, Unorm}, {8, 0, Unorm}, {8, 0, Unorm}, {8, 0, Unorm}});
   expectComponents(VK_FORMAT_BC4_SNORM_BLOCK, 8, {{8, 0, Snorm}, {}, {}, {}});
   expectComponents(VK_FORMAT_BC6H_SFLOAT_BLOCK, 16, {{16, 0, Sfloat}, {16, 0, Sfloat}, {16, 0, Sfloat}, {}});
 }
 
+TEST(FormatTable, PlanesFollowFromTheNames) {
+  struct Case {
+    VkFormat format;
+    uint8_t shift[2];
+    std::vector<VkFormat> planes;
+    uint8_t place[3][2];   // of R, G and B: plane and component
+  };
+  const Case cases[] = {
+      {VK_FORMAT_G8_B8_R8_3PLANE_420_UNORM, {1, 1}, {VK_FORMAT_R8_UNORM, VK_FORMAT_R8_UNORM, VK_FORMAT_R8_UNORM}, {{2, 0}, {0, 0}, {1, 0}}},
+      {VK_FORMAT_G8_B8R8_2PLANE_420_UNORM, {1, 1}, {VK_FORMAT_R8_UNORM, VK_FORMAT_R8G8_UNORM}, {{1, 1}, {0, 0}, {1, 0}}},
+      {VK_FORMAT_G8_B8R8_2PLANE_422_UNORM, {1, 0}, {VK_FORMAT_R8_UNORM, VK_FORMAT_R8G8_UNORM}, {{1, 1}, {0, 0}, {1, 0}}},
+      {VK_FORMAT_G8_B8_R8_3PLANE_444_UNORM, {0, 0}, {VK_FORMAT_R8_UNORM, VK_FORMAT_R8_UNORM, VK_FORMAT_R8_UNORM}, {{2, 0}, {0, 0}, {1, 0}}},
+      {VK_FORMAT_G10X6_B10X6R10X6_2PLANE_420_UNORM_3PACK16, {1, 1}, {VK_FORMAT_R10X6_UNORM_PACK16, VK_FORMAT_R10X6G10X6_UNORM_2PACK16}, {{1, 1}, {0, 0}, {1, 0}}},
+      {VK_FORMAT_G12X4_B12X4_R12X4_3PLANE_422_UNORM_3PACK16, {1, 0}, {VK_FORMAT_R12X4_UNORM_PACK16, VK_FORMAT_R12X4_UNORM_PACK16, VK_FORMAT_R12X4_UNORM_PACK16},
+       {{2, 0}, {0, 0}, {1, 0}}},
+      {VK_FORMAT_G16_B16R16_2PLANE_444_UNORM, {0, 0}, {VK_FORMAT_R16_UNORM, VK_FORMAT_R16G16_UNORM}, {{1, 1}, {0, 0}, {1, 0}}},
+  };
+  for (const Case& c : cases) {
+    const FormatInfo& f = *formatInfo(c.format);
+    SCOPED_TRACE(f.name);
+    ASSERT_EQ(f.planeCount, c.planes.size());
+    for (int i = 0; i < 2; ++i) EXPECT_EQ(f.chromaShift[i], c.shift[i]);
+    for (size_t p = 0; p < c.planes.size(); ++p) EXPECT_EQ(f.planeFormats[p], c.planes[p]) << p;
+    for (int k = 0; k < 3; ++k) {
+      EXPECT_EQ(f.componentPlane[k], c.place[k][0]) << k;
+      EXPECT_EQ(f.componentInPlane[k], c.place[k][1]) << k;
+      EXPECT_EQ(f.rgba[k].bits, formatInfo(c.planes[0])->rgba[0].bits) << k;
+    }
+  }
+}
+
 TEST(FormatTable, EveryFormatIsConsistent) {
-  EXPECT_EQ(allFormats().size(), 148u);
+  EXPECT_EQ(allFormats().size(), 176u);
   EXPECT_EQ(formatKey(*formatInfo(VK_FORMAT_A4R4G4B4_UNORM_PACK16)), 147u);
   EXPECT_EQ(formatInfo(VK_FORMAT_UNDEFINED), nullptr);
   EXPECT_EQ(formatInfo(VK_FORMAT_ETC2_R8G8B8_UNORM_BLOCK), nullptr);
@@ -66,7 +100,7 @@ TEST(FormatTable, EveryFormatIsConsistent) {
       if (!f.isCompressed()) { EXPECT_LE(unsigned(c.shift) + c.bits, unsigned(f.elementBytes) * 8); }
       used += c.bits;
     }
-    if (!f.isCompressed() && !f.isDepthStencil() && !(f.flags & kSharedExponent)) { EXPECT_EQ(used, unsigned(f.elementBytes) * 8); }
+    if (!f.isCompressed() && !f.isDepthStencil() && !(f.flags & (kSharedExponent | kPadded16))) { EXPECT_EQ(used, unsigned(f.elementBytes) * 8); }
     EXPECT_TRUE(compatible(f, f));
   }
   EXPECT_TRUE(compatible(*formatInfo(VK_FORMAT_R8G8B8A8_UNORM), *formatInfo(VK_FORMAT_R32_UINT)));

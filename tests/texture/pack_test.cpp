@@ -12,7 +12,7 @@ namespace {
 
 using ir::Type;
 
-bool convertible(const FormatInfo& f) { return !f.isCompressed() && !(f.hasDepth() && f.hasStencil()); }
+bool convertible(const FormatInfo& f) { return !f.isCompressed() && !f.isMultiPlanar() && !(f.hasDepth() && f.hasStencil()); }
 
 // The element as bytes, from the loads' words.
 std::array<uint8_t, 32> elementBytes(const FormatInfo& f, const std::vector<std::vector<uint32_t>>& words, size_t n) {
