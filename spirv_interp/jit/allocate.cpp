@@ -48,6 +48,7 @@ class Allocator {
 
   void place(uint32_t id, uint32_t at) {
     Vreg& v = p_.vregs[id];
+    if (v.ahead) return;
     const uint32_t parts = p_.parts(v);
     const bool reuse = at && at < p_.f->insts.size() && !crossesParts(*p_.f, at);
     for (uint32_t part = 0; part < parts; part++) {

@@ -20,6 +20,14 @@ bool isNonNegative(const Function& f, Value v) {
     default: return false;
   }
 }
+//! An i32 below 2^16.
+bool hasOnlyLowHalf(const Function& f, Value v) {
+  const Inst& i = f.insts[v];
+  const auto o = f.operands(v);
+  if (i.op == Op::LShr) return f.insts[o[1]].op == Op::Const && (f.insts[o[1]].imm & 31) >= 16;
+  if (i.op == Op::And) return f.insts[o[1]].op == Op::Const && uint32_t(f.insts[o[1]].imm) <= 0xffff;
+  return false;
+}
 }  // namespace
 
 bool Emitter::convert(Value v) {
@@ -79,19 +87,37 @@ bool Emitter::convert(Value v) {
     case Op::Trunc:
       return each([&](Ymm d, uint32_t part) {
         const uint32_t keep = to == Type::I8 ? 0xff : to == Type::I16 ? 0xffff : ~0u;
+        if (!fromWide && to == Type::I16 && hasOnlyLowHalf(f_, o)) {
+          move(d, source(o, part));
+          return;
+        }
         if (!fromWide) {
           bin(I::kIdVpand, d, source(o, part), mem(pool32(keep)));
           return;
         }
         const uint32_t low = single_ ? 0 : part * 2, high = single_ ? 0 : part * 2 + 1;
-        const Ymm a = load(o, low, t0());
-        a_.emit(I::kIdVshufps, t0(), a, source(o, high).op(), asmjit::imm(0x88));
+        const bool upper = !preamble_ && p_.folded[o];
+        const Value x = upper ? f_.operands(o)[0] : o;
+        const Ymm a = load(x, low, t0());
+        a_.emit(I::kIdVshufps, t0(), a, source(x, high).op(), asmjit::imm(upper ? 0xdd : 0x88));
         a_.vpermq(t0(), t0(), 0xd8);
         if (keep != ~0u) a_.vpand(d, t0(), pool32(keep));
         else move(d, reg(t0()));
       });
     case Op::FToF:
       if (from == Type::F16 && to == Type::F32) {
+        Value word = o;
+        bool upper = false;
+        for (; !preamble_ && p_.folded[word]; word = f_.operands(word)[0]) upper |= f_.insts[word].op == Op::LShr;
+        if (word != o) {
+          static constexpr uint32_t kLower[8] = {0x05040100, 0x0d0c0908, ~0u, ~0u, 0x05040100, 0x0d0c0908, ~0u, ~0u};
+          static constexpr uint32_t kUpper[8] = {0x07060302, 0x0f0e0b0a, ~0u, ~0u, 0x07060302, 0x0f0e0b0a, ~0u, ~0u};
+          return each([&](Ymm d, uint32_t part) {
+            a_.vpshufb(t0(), load(word, part, t0()), upper ? poolVector(kUpper) : poolVector(kLower));
+            a_.vpermq(t0(), t0(), 0x08);
+            a_.vcvtph2ps(d, t0().xmm());
+          });
+        }
         return each([&](Ymm d, uint32_t part) {
           const Ymm x = load(o, part, t0());
           a_.vextracti128(t1().xmm(), x, 1);

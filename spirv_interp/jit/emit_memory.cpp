@@ -164,6 +164,134 @@ bool Emitter::mayBeLinear(Value offset) {
   return linear_[offset] != 0;
 }
 
+//! The number of a structure in an array, times its size: levels of a texture, mostly the same in neighbouring lanes.
+static bool isRecord(const Function& f, Value offset) {
+  const auto o = f.operands(offset);
+  return f.insts[offset].op == Op::IMul && (f.insts[o[0]].op == Op::Const || f.insts[o[1]].op == Op::Const);
+}
+
+//! Plain loads of the lanes' elements, 4 or 8 bytes: two thirds of a gather's time on Zen 3, and never its microcode elsewhere. Lanes out
+//! of bounds read at the limit and become zero. `part`: of a 32-bit value.
+void Emitter::loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit) {
+  const Ymm off = load(offset, part, t0());
+  a_.vpminud(t1(), off, limit);
+  a_.vpcmpeqd(t0(), t1(), off);
+  const x86::Gp pairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
+  a_.vextracti128(t2().xmm(), t1(), 1);
+  a_.vmovq(pairs[0], t1().xmm());
+  a_.vpextrq(pairs[1], t1().xmm(), 1);
+  a_.vmovq(pairs[2], t2().xmm());
+  a_.vpextrq(pairs[3], t2().xmm(), 1);
+  if (ir::typeBytes(f_.type(v)) == 8) {
+    for (uint32_t half = 0; half < 2; half++) {
+      for (uint32_t k = 0; k < 2; k++) {
+        const x86::Xmm x = (k ? t2() : t1()).xmm();
+        const x86::Gp pair = pairs[2 * half + k];
+        a_.mov(x86::r9d, pair.r32());
+        a_.shr(pair, 32);
+        a_.vmovq(x, x86::qword_ptr(base, x86::r9));
+        a_.vpinsrq(x, x, x86::qword_ptr(base, pair), 1);
+      }
+      a_.vinserti128(t1(), t1(), t2().xmm(), 1);
+      wideMaskOf(reg(t0()), half, t2());
+      const Ymm d = target(v, part * 2 + half);
+      a_.vpand(d, t1(), t2());
+      finish(v, part * 2 + half, d);
+    }
+    return;
+  }
+  for (uint32_t half = 0; half < 2; half++) {
+    const x86::Xmm x = (half ? t1() : t2()).xmm();   // the upper half first
+    for (uint32_t k = 0; k < 2; k++) {
+      const x86::Gp pair = pairs[2 * (1 - half) + k];
+      a_.mov(x86::r9d, pair.r32());
+      a_.shr(pair, 32);
+      if (k == 0) a_.vmovd(x, x86::dword_ptr(base, x86::r9));
+      else a_.vpinsrd(x, x, x86::dword_ptr(base, x86::r9), 2);
+      a_.vpinsrd(x, x, x86::dword_ptr(base, pair), 2 * k + 1);
+    }
+  }
+  a_.vinserti128(t1(), t1(), t2().xmm(), 1);
+  const Ymm d = target(v, part);
+  a_.vpand(d, t1(), t0());
+  finish(v, part, d);
+}
+
+//! v and the load before it (Plan::pairFirst): where each lane's two are neighbours within bounds, one access of twice the width.
+void Emitter::loadPair(Value v, const x86::Gp& base, const x86::Mem& limit) {
+  const Value first = p_.pairFirst[v];
+  const Value low = f_.operands(first)[1], high = f_.operands(v)[1];
+  const bool wide = ir::typeBytes(f_.type(v)) == 8;
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const asmjit::Label general = a_.newLabel(), done = a_.newLabel();
+    const Ymm from = load(low, part, t0());
+    x86::Mem last = at(limit, kRangeLast);
+    last.setSize(4);
+    a_.cmp(last, -16);   // no sum within bounds wraps
+    a_.ja(general);
+    a_.vpaddd(t1(), from, pool32(wide ? 8 : 4));
+    a_.emit(I::kIdVpxor, t2(), t1(), source(high, part).op());
+    a_.vpmaxud(t1(), t1(), from);
+    a_.vpmaxud(t1(), t1(), limit);
+    a_.vpxor(t1(), t1(), limit);
+    a_.vpor(t1(), t1(), t2());
+    a_.vptest(t1(), t1());
+    a_.jnz(general);
+    const x86::Gp pairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
+    a_.vextracti128(t1().xmm(), from, 1);
+    a_.vmovq(pairs[0], from.xmm());
+    a_.vpextrq(pairs[1], from.xmm(), 1);
+    a_.vmovq(pairs[2], t1().xmm());
+    a_.vpextrq(pairs[3], t1().xmm(), 1);
+    if (wide) {
+      for (uint32_t half = 0; half < 2; half++) {
+        for (uint32_t k = 0; k < 2; k++) {
+          const x86::Gp pair = pairs[2 * half + k];
+          a_.mov(x86::r9d, pair.r32());
+          a_.shr(pair, 32);
+          if (k == 0) {
+            a_.vmovups(t1().xmm(), x86::ptr(base, x86::r9));
+            a_.vmovups(t0().xmm(), x86::ptr(base, pair));
+          } else {
+            a_.vinserti128(t1(), t1(), x86::ptr(base, x86::r9), 1);
+            a_.vinserti128(t0(), t0(), x86::ptr(base, pair), 1);
+          }
+        }
+        const Ymm d = target(first, part * 2 + half);
+        a_.vpunpcklqdq(d, t1(), t0());
+        finish(first, part * 2 + half, d);
+        const Ymm e = target(v, part * 2 + half);
+        a_.vpunpckhqdq(e, t1(), t0());
+        finish(v, part * 2 + half, e);
+      }
+    } else {
+      const auto two = [&](const x86::Xmm& x, const x86::Gp& pair) {
+        a_.mov(x86::r9d, pair.r32());
+        a_.shr(pair, 32);
+        a_.vmovq(x, x86::qword_ptr(base, x86::r9));
+        a_.vmovhps(x, x, x86::qword_ptr(base, pair));
+      };
+      two(t2().xmm(), pairs[2]);
+      two(t1().xmm(), pairs[0]);
+      a_.vinserti128(t1(), t1(), t2().xmm(), 1);
+      two(t2().xmm(), pairs[3]);
+      two(t0().xmm(), pairs[1]);
+      a_.vinserti128(t0(), t0(), t2().xmm(), 1);
+      const Ymm d = target(first, part);
+      a_.vshufps(d, t1(), t0(), 0x88);
+      finish(first, part, d);
+      const Ymm e = target(v, part);
+      a_.vshufps(e, t1(), t0(), 0xdd);
+      finish(v, part, e);
+    }
+    a_.jmp(done);
+    a_.bind(general);
+    loadScattered(first, low, part, base, limit);
+    loadScattered(v, high, part, base, limit);
+    a_.bind(done);
+  }
+}
+
 //! rsi: base, rdi: base + 2^31; limit: a range's vector.
 void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit) {
   const Type t = f_.type(v);
@@ -182,7 +310,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
     return;
   }
   if (bytes == 4) {
-    const bool look = mayBeLinear(offset);
+    const bool look = mayBeLinear(offset), record = !look && isRecord(f_, offset);
     for (uint32_t part = 0; part < p_.unroll; part++) {
       const Ymm off = load(offset, part, t0());
       const Ymm d = target(v, part);
@@ -199,6 +327,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
         a_.cmp(x86::rcx, at(limit, kRangeLast));
         a_.ja(general);
         a_.vmovups(d, x86::ptr(base, x86::rax));
+        finish(v, part, d);
         a_.jmp(done);
         a_.bind(differ);
         a_.vptest(t1(), t1());
@@ -206,56 +335,58 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
         a_.cmp(x86::rax, at(limit, kRangeLast));
         a_.ja(general);
         a_.vbroadcastss(d, x86::ptr(base, x86::rax));
+        finish(v, part, d);
         a_.jmp(done);
         a_.bind(general);
       }
-      // Eight plain loads: two thirds of a gather's time on Zen 3, and never its microcode elsewhere. Lanes out of bounds read at
-      // the limit and become zero.
-      a_.vpminud(t1(), off, limit);
-      a_.vpcmpeqd(t0(), t1(), off);
-      const x86::Gp pairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
-      a_.vextracti128(t2().xmm(), t1(), 1);
-      a_.vmovq(pairs[0], t1().xmm());
-      a_.vpextrq(pairs[1], t1().xmm(), 1);
-      a_.vmovq(pairs[2], t2().xmm());
-      a_.vpextrq(pairs[3], t2().xmm(), 1);
-      for (uint32_t half = 0; half < 2; half++) {
-        const x86::Xmm x = (half ? t1() : t2()).xmm();   // the upper half first
-        for (uint32_t k = 0; k < 2; k++) {
-          const x86::Gp pair = pairs[2 * (1 - half) + k];
-          a_.mov(x86::r9d, pair.r32());
-          a_.shr(pair, 32);
-          if (k == 0) a_.vmovd(x, x86::dword_ptr(base, x86::r9));
-          else a_.vpinsrd(x, x, x86::dword_ptr(base, x86::r9), 2);
-          a_.vpinsrd(x, x, x86::dword_ptr(base, pair), 2 * k + 1);
-        }
+      if (record) {
+        a_.vpbroadcastd(t1(), off.xmm());
+        a_.vpxor(t1(), t1(), off);
+        a_.vptest(t1(), t1());
+        a_.jnz(general);
+        a_.vmovd(x86::eax, off.xmm());
+        a_.cmp(x86::rax, at(limit, kRangeLast));
+        a_.ja(general);
+        a_.vbroadcastss(d, x86::ptr(base, x86::rax));
+        finish(v, part, d);
+        a_.jmp(done);
+        a_.bind(general);
       }
-      a_.vinserti128(t1(), t1(), t2().xmm(), 1);
-      a_.vpand(d, t1(), t0());
-      if (look) a_.bind(done);
-      finish(v, part, d);
+      loadScattered(v, offset, part, base, limit);
+      if (look || record) a_.bind(done);
     }
     return;
   }
   const bool wide = bytes == 8;
   if (wide) {
+    // Texels of 8 bytes, in a picture that is drawn at its own size: two quads read four neighbours in each of two rows.
+    static constexpr uint32_t kRowStarts[8] = {0, 0, 2, 2, 0, 0, 2, 2}, kColumns[8] = {0, 8, 0, 8, 16, 24, 16, 24};
     for (uint32_t part = 0; part < p_.unroll; part++) {
+      const Ymm off = load(offset, part, t0());
+      const asmjit::Label general = a_.newLabel(), done = a_.newLabel();
+      a_.vmovaps(t1(), poolVector(kRowStarts));
+      a_.vpermd(t1(), t1(), off);
+      a_.vpaddd(t1(), t1(), poolVector(kColumns));
+      a_.vpxor(t1(), t1(), off);
+      a_.vptest(t1(), t1());
+      a_.jnz(general);
+      a_.vmovd(x86::eax, off.xmm());
+      a_.vpextrd(x86::ecx, off.xmm(), 2);
+      for (const x86::Gp& row : {x86::rax, x86::rcx}) {
+        a_.lea(x86::rdx, x86::ptr(row, 24));
+        a_.cmp(x86::rdx, at(limit, kRangeLast));
+        a_.ja(general);
+      }
       for (uint32_t half = 0; half < 2; half++) {
-        const Ymm off = load(offset, part, t0());
         const Ymm d = target(v, part * 2 + half);
-        a_.vpminud(t1(), off, limit);
-        a_.vpcmpeqd(t1(), t1(), off);
-        wideMaskOf(reg(t1()), half, t1());
-        x86::Xmm index = off.xmm();
-        if (half) {
-          a_.vextracti128(t0().xmm(), off, 1);
-          index = t0().xmm();
-        }
-        a_.vpxor(t0().xmm(), index, pool32(0x80000000u));
-        a_.vpxor(d, d, d);
-        a_.vgatherdpd(d, x86::ptr(biased, t0().xmm()), t1());
+        a_.vmovups(d.xmm(), x86::ptr(base, x86::rax, 0, int32_t(16 * half)));
+        a_.vinserti128(d, d, x86::ptr(base, x86::rcx, 0, int32_t(16 * half)), 1);
         finish(v, part * 2 + half, d);
       }
+      a_.jmp(done);
+      a_.bind(general);
+      loadScattered(v, offset, part, base, limit);
+      a_.bind(done);
     }
     return;
   }
@@ -497,6 +628,10 @@ bool Emitter::memory(Value v) {
         return true;
       }
       const x86::Mem limit = useRange(rangeSlot(base, size, number, constant, bytes, false));
+      if (p_.pairFirst[v]) {
+        loadPair(v, x86::rsi, limit);
+        return true;
+      }
       a_.mov(x86::rdi, at(limit, kRangeBiased));
       loadRange(v, offset, x86::rsi, x86::rdi, limit);
       return true;

@@ -25,7 +25,126 @@ static void tileQuad(x86::Assembler& a, const x86::Gp& lane0, const Tile& t, uin
   a.add(x86::rax, x86::rsi);
 }
 
+//! Rows of whole blocks: the sixteen elements of a block are neighbours, all lanes are active.
+namespace {
+class BlockAddress {
+ public:
+  BlockAddress(x86::Assembler& a, const x86::Gp& lane0, const Tile& t) : a_(a), lane0_(lane0), t_(t) {}
+  //! Of lane `lane` of the chunk (a multiple of four). Uses rax; addresses of one block follow one another.
+  x86::Mem at(uint32_t lane, bool ofElement = false) {
+    if (lane / 16 != block_) {
+      block_ = lane / 16;
+      a_.mov(x86::eax, x86::ptr(x86::rdi, lane0_, 0, int32_t(block_ * 16)));
+      if (!scaled()) a_.imul(x86::rax, x86::rax, t_.element);
+    }
+    const int32_t offset = int32_t(lane % 16 * t_.element + (ofElement ? 0 : t_.byteOffset));
+    const uint32_t shift = t_.element == 8 ? 3 : t_.element == 4 ? 2 : t_.element == 2 ? 1 : 0;
+    return x86::ptr(x86::rsi, x86::rax, scaled() ? shift : 0, offset);
+  }
+
+ private:
+  bool scaled() const { return t_.element == 1 || t_.element == 2 || t_.element == 4 || t_.element == 8; }
+  x86::Assembler& a_;
+  const x86::Gp& lane0_;
+  const Tile& t_;
+  uint32_t block_ = ~0u;
+};
+}  // namespace
+
+void Emitter::wholeTileLoad(Value v) {
+  const Inst& i = f_.insts[v];
+  const Tile t(i.imm);
+  const uint32_t bytes = ir::typeBytes(i.type), lanes = bytes == 8 ? 4 : 8;   // of a part
+  tilePlane(a_, call_, t);
+  BlockAddress address(a_, lane0_, t);
+  for (uint32_t part = 0; part < partsOf(i.type); part++) {
+    const Ymm d = target(v, part);
+    const uint32_t lane = part * lanes;
+    if (t.element == bytes) {
+      const x86::Mem m = address.at(lane);
+      if (bytes >= 4) a_.vmovups(d, m);
+      else if (bytes == 2) a_.vpmovzxwd(d, m);
+      else a_.vpmovzxbd(d, m);
+    } else if (bytes == 4 && t.element == 8) {
+      a_.vmovups(t0(), address.at(lane, true));
+      a_.vshufps(t0(), t0(), address.at(lane + 4, true), t.byteOffset ? 0xdd : 0x88);
+      a_.vpermq(d, t0(), 0xd8);
+    } else {
+      for (uint32_t q = 0; q < lanes / 4 || (bytes == 8 && q < 2); q++) {
+        // Four elements, of 64 bits two.
+        const x86::Xmm x = q ? t0().xmm() : t1().xmm();
+        for (uint32_t k = 0; k < (bytes == 8 ? 2u : 4u); k++) {
+          x86::Mem m = address.at(lane);
+          m.addOffset(int64_t(q * (bytes == 8 ? 2 : 4) + k) * t.element);
+          if (bytes == 8) {
+            if (k) a_.vpinsrq(x, x, m, k);
+            else a_.vmovq(x, m);
+          } else if (bytes == 4) {
+            if (k) a_.vpinsrd(x, x, m, k);
+            else a_.vmovd(x, m);
+          } else {
+            m.setSize(bytes);
+            a_.movzx(x86::ecx, m);
+            if (k) a_.vpinsrd(x, x, x86::ecx, k);
+            else a_.vmovd(x, x86::ecx);
+          }
+        }
+      }
+      a_.vinserti128(d, t1(), t0().xmm(), 1);
+    }
+    finish(v, part, d);
+  }
+}
+
+void Emitter::wholeTileStore(Value v) {
+  const Inst& i = f_.insts[v];
+  const Value value = f_.operands(v)[0];
+  const Type type = f_.type(value);
+  const Tile t(i.imm);
+  const uint32_t bytes = ir::typeBytes(type), lanes = bytes == 8 ? 4 : 8;
+  tilePlane(a_, call_, t);
+  BlockAddress address(a_, lane0_, t);
+  for (uint32_t part = 0; part < partsOf(type); part++) {
+    const Source from = settled(value, part, t2());
+    Ymm s = t2();
+    if (from.isReg) s = from.reg;
+    else a_.vmovaps(s, from.mem);
+    const uint32_t lane = part * lanes;
+    if (t.element == bytes && bytes >= 4) {
+      a_.vmovups(address.at(lane), s);
+    } else if (t.element == bytes) {
+      a_.vextracti128(t0().xmm(), s, 1);
+      a_.vpackusdw(t0().xmm(), s.xmm(), t0().xmm());
+      if (bytes == 1) {
+        a_.vpackuswb(t0().xmm(), t0().xmm(), t0().xmm());
+        a_.vmovq(address.at(lane), t0().xmm());
+      } else {
+        a_.vmovups(address.at(lane), t0().xmm());
+      }
+    } else {
+      for (uint32_t half = 0; half < 2; half++) {
+        x86::Xmm x = s.xmm();
+        if (half) {
+          a_.vextracti128(t0().xmm(), s, 1);
+          x = t0().xmm();
+        }
+        for (uint32_t k = 0; k < lanes / 2; k++) {
+          x86::Mem m = address.at(lane);
+          m.addOffset(int64_t(half * lanes / 2 + k) * t.element);
+          switch (bytes) {
+            case 1: a_.vpextrb(m, x, k * 4); break;
+            case 2: a_.vpextrw(m, x, k * 2); break;
+            case 4: a_.vpextrd(m, x, k); break;
+            default: a_.vpextrq(m, x, k);
+          }
+        }
+      }
+    }
+  }
+}
+
 void Emitter::tileLoad(Value v) {
+  if (wholeHere()) return wholeTileLoad(v);
   const Inst& i = f_.insts[v];
   const Tile t(i.imm);
   const uint32_t bytes = ir::typeBytes(i.type), quads = bytes == 8 ? 1 : 2;   // of a part
@@ -82,6 +201,7 @@ void Emitter::tileLoad(Value v) {
 }
 
 void Emitter::tileStore(Value v) {
+  if (wholeHere()) return wholeTileStore(v);
   const Inst& i = f_.insts[v];
   const Value value = f_.operands(v)[0];
   const Type type = f_.type(value);

@@ -32,6 +32,7 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
   thunk_ = a_.newLabel();
   out.chunkLanes = p_.unroll * kVectorLanes;
   out.suspends = p_.suspends;
+  out.wholeBlocks = p_.wholeBlocks;
   for (Value v = 1; v < f_.insts.size(); v++)
     if (f_.insts[v].op == Op::LocalAlloc && p_.a.needed[v]) {
       localArea_.resize(f_.insts.size(), 0);
@@ -292,10 +293,18 @@ void Emitter::body() {
   region_ = 0;
 
   const uint32_t all = p_.regions[0].mask;
-  a_.mov(x86::eax, x86::dword_ptr(call_, offsetof(ChunkCall, active)));
-  for (uint32_t part = 0; part < p_.unroll; part++) {
+  const asmjit::Label again = a_.newLabel();
+  if (p_.wholeBlocks) {
+    loadAhead();
+    a_.align(asmjit::AlignMode::kCode, 16);
+    a_.bind(again);
+  } else {
+    a_.mov(x86::eax, x86::dword_ptr(call_, offsetof(ChunkCall, active)));
+  }
+  for (uint32_t part = 0; part < p_.unroll && !(p_.wholeBlocks && !p_.vregs[all].end); part++) {
     const Ymm d = vregTarget(all, part);
-    maskFromBits(d, x86::eax, part);
+    if (p_.wholeBlocks) a_.vpcmpeqd(d, d, d);
+    else maskFromBits(d, x86::eax, part);
     vregFinish(all, part, d);
   }
   for (size_t k = 0; k < sharedRanges_.size(); k++) makeSharedRange(sharedRanges_[k], sharedPlace_ + uint32_t(k) * 2 * kVectorBytes);
@@ -311,7 +320,8 @@ void Emitter::body() {
     const Op op = f_.insts[v].op;
     if (op == Op::Nop || op == Op::Var || op == Op::LocalAlloc) continue;
     out_->operations++;
-    if (p_.folded[v] || v == doneAlready_) continue;
+    if (p_.folded[v] || p_.pairSecond[v] || v == doneAlready_) continue;
+    if (op == Op::QuadLoad && p_.vregOf[v] != kNone && p_.vregs[p_.vregOf[v]].ahead) continue;
     if (op != Op::QuadLoad && op != Op::VarGet && op != Op::VarSet && ir::opInfo(op).operands == ir::OperandRule::Free) quadPointers_ = false;
     if (ir::opInfo(op).flags & ir::kControl || op == Op::Barrier) control(v);
     else {
@@ -322,6 +332,12 @@ void Emitter::body() {
   }
   quadPointers_ = false;
   a_.bind(labels_[0].end);
+  if (p_.wholeBlocks) {
+    a_.add(lane0_.r32(), p_.unroll * kVectorLanes);
+    a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, lane0)), lane0_.r32());
+    a_.cmp(lane0_.r32(), x86::dword_ptr(call_, offsetof(ChunkCall, lanes)));
+    a_.jb(again);
+  }
   a_.xor_(x86::eax, x86::eax);
   static_assert(int(interp::Progress::Finished) == 0);
   a_.bind(exit_);
@@ -338,6 +354,17 @@ void Emitter::body() {
     a_.je(resumes_[k]);
   }
   a_.ud2();
+}
+
+//! What all chunks of the row read from their one record.
+void Emitter::loadAhead() {
+  if (p_.ahead.empty()) return;
+  a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, quadRecords)));
+  a_.mov(x86::rax, x86::ptr(x86::rsi));
+  for (Value v : p_.ahead) {
+    a_.vbroadcastss(t2(), x86::ptr(x86::rax, int32_t(uint32_t(f_.insts[v].imm))));
+    vregFinish(p_.vregOf[v], 0, t2());
+  }
 }
 
 void Emitter::makePreamble() {

@@ -37,7 +37,7 @@ struct Emitted {
   std::vector<std::unique_ptr<LocalAccess>> localAccesses;
   uint32_t bankBytes = 0, frameBytes = 0, localBytes = 0;
   uint32_t chunkLanes = 0;
-  bool suspends = false;
+  bool suspends = false, wholeBlocks = false;
   size_t operations = 0, preambleOperations = 0;
 };
 
@@ -134,6 +134,8 @@ class Emitter {
   void uniformLoad(Value v);      // preamble
   void broadcast(Ymm d, const x86::Gp& address, Type t);
   void loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit);
+  void loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
+  void loadPair(Value v, const x86::Gp& base, const x86::Mem& limit);
   void loadAddresses(Value v);    // emit_gather.cpp
   bool atomic(Value v);           // emit_atomic.cpp
   x86::Mem bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store);   //!< rsi: base
@@ -149,6 +151,9 @@ class Emitter {
   bool isUnbounded(Value size) const;
   void tileLoad(Value v);
   void tileStore(Value v);
+  bool wholeHere() const { return p_.wholeBlocks && p_.regions[region_].mask == p_.regions[0].mask; }
+  void wholeTileLoad(Value v);
+  void wholeTileStore(Value v);
 
   // --- control (emit_control.cpp)
   void control(Value v);
@@ -162,6 +167,7 @@ class Emitter {
   void testMask(uint32_t vreg);
   void suspend(interp::Progress why, const asmjit::Label& resume);
   void body();
+  void loadAhead();
   void makePreamble();
 
   void fail(Value v, const char* what);

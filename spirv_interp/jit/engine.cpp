@@ -31,7 +31,8 @@ struct Settings {
 
 }  // namespace
 
-interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options) {
+interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options,
+                                                                   bool wholeBlocks) {
   static const Settings settings;
   if (settings.dumpIr) std::fputs(ir::print(f).c_str(), stderr);
   // Checks (PUMICE_CHECK) are the interpreter's.
@@ -39,6 +40,7 @@ interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Fun
   if (settings.native && !checks) {
     std::string listing;
     JitOptions jit;
+    jit.wholeBlocks = wholeBlocks;
     if (settings.dumpCode) jit.listing = &listing;
     auto native = compile(f, options, jit);
     if (!listing.empty()) std::fprintf(stderr, "; %s\n%s", f.name.c_str(), listing.c_str());

@@ -5,7 +5,9 @@
 
 namespace pumice::jit {
 
-//! Machine code or the interpreter, as PUMICE_ENGINE says; what cannot be emitted goes to the interpreter.
-interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options);
+//! Machine code or the interpreter, as PUMICE_ENGINE says; what cannot be emitted goes to the interpreter. `wholeBlocks`: a promise about
+//! rows (JitOptions).
+interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options,
+                                                                   bool wholeBlocks = false);
 
 }  // namespace pumice::jit

@@ -33,6 +33,7 @@ struct ChunkCall {
   const std::atomic<bool>* stop;           //!< ExecContext's
   uint32_t lane0;                          //!< first lane of the chunk
   uint32_t active;                         //!< bit per lane of the chunk
+  uint32_t lanes;                          //!< wholeBlocks: of the row
   uint32_t turns;                          //!< loop turns until a routine that may wait gives way, or looks at stop
 };
 

@@ -14,6 +14,7 @@
 #include "spirv_interp/jit/code_memory.h"
 #include "spirv_interp/jit/emitter.h"
 #include "spirv_interp/jit/halves.h"
+#include "spirv_interp/jit/order.h"
 
 namespace pumice::jit {
 namespace {
@@ -74,6 +75,15 @@ class Native final : public Executable {
     Records records;
     ChunkCall call;
     prepare(call, bank, context);
+    if (e_.wholeBlocks) {
+      call.lane0 = 0;
+      call.active = uint32_t((uint64_t(1) << e_.chunkLanes) - 1);
+      call.lanes = context.lanes;
+      call.turns = kTurns;
+      call.quadRecords = context.quadRecords;
+      body_(frame, const_cast<std::byte*>(call.bank), &call, pool_);
+      return;
+    }
     for (uint32_t first = 0; first < context.lanes; first += e_.chunkLanes) runChunk(call, context, first, frame, records);
   }
 
@@ -198,8 +208,9 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   ir::lowerMath(f, options.numerics);
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   widenHalves(f);
+  if (jit.wholeBlocks) computeWhenNeeded(f);
   ir::computeRates(f);
-  Plan plan = makePlan(f, jit.chunkLanes);
+  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks);
   allocate(plan);
 
   asmjit::CodeHolder holder;

@@ -18,6 +18,9 @@ namespace pumice::jit {
 struct JitOptions {
   uint32_t chunkLanes = 0;       //!< 8, 16 or 32; 0: by register pressure
   std::string* listing = nullptr;  //!< receives the assembly
+  //! A promise of the caller for every row: all lanes are active and their number is a multiple of 32; all quads have one record; quads
+  //! come in fours from whole 4x4 blocks, the elements of the others behind those of the first.
+  bool wholeBlocks = false;
 };
 
 //! Whether this machine can run the code (x86-64 with AVX2, FMA, F16C, BMI, unless PUMICE_ISA asks for less).

@@ -49,6 +49,7 @@ class Planner {
     findFlat();
     settleBounded();
     findFolded();
+    findPairs();
     findUses();
     for (const Inst& i : f_.insts) {
       p_.mayWait |= i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
@@ -56,7 +57,9 @@ class Planner {
       p_.suspends |= i.op == Op::Barrier;
     }
     p_.suspends |= p_.mayWait;
+    p_.wholeBlocks &= !p_.suspends && std::none_of(f_.insts.begin(), f_.insts.end(), [](const Inst& i) { return i.op == Op::LocalAlloc; });
     walk();
+    if (p_.wholeBlocks) findAhead();
     std::stable_sort(p_.hot.begin(), p_.hot.end(), [](const Hot& a, const Hot& b) { return a.region < b.region; });
   }
 
@@ -186,11 +189,90 @@ class Planner {
       const Op of = f_.insts[f_.operands(v)[0]].op;   // what stands for a variable may change before the fma
       folded[v] = of != Op::VarGet && of != Op::BitCast;
     }
+    // Upper words, and halves of words that are made floats: shuffles take them from where they are.
+    const auto varies = [&](Value v) { return p_.a.needed[v] && !p_.a.uniform[v] && !p_.flat[v]; };
+    const auto stays = [&](Value v) { return varies(v) && f_.insts[v].op != Op::VarGet && f_.insts[v].op != Op::BitCast; };
+    const auto shiftsBy = [&](Value v, uint64_t bits) {
+      if (f_.insts[v].op != Op::LShr) return false;
+      const Inst& count = f_.insts[f_.operands(v)[1]];
+      return count.op == Op::Const && count.imm == bits && varies(v) && stays(f_.operands(v)[0]);
+    };
     for (Value v = 1; v < f_.insts.size(); v++) {
-      if (!p_.a.needed[v]) continue;
-      const bool can = f_.insts[v].op == Op::Fma && !p_.a.uniform[v];
-      for (Value o : f_.operands(v))
-        if (!can) folded[o] = 0;
+      const Inst& i = f_.insts[v];
+      if (i.op == Op::LShr && i.type == Type::I64) folded[v] = shiftsBy(v, 32);
+      if (i.op != Op::BitCast || i.type != Type::F16 || !varies(v)) continue;
+      const Value trunc = f_.operands(v)[0];
+      if (f_.insts[trunc].op != Op::Trunc || !varies(trunc)) continue;
+      const Value word = f_.operands(trunc)[0];
+      if (f_.type(word) != Type::I32 || !stays(word)) continue;
+      folded[v] = folded[trunc] = 1;
+      folded[word] |= shiftsBy(word, 16);
+    }
+    const auto takes = [&](Value v, Value o) {
+      const Inst& i = f_.insts[v];
+      if (p_.a.uniform[v]) return false;
+      switch (f_.insts[o].op) {
+        case Op::FNeg: return i.op == Op::Fma;
+        case Op::BitCast: return i.op == Op::FToF && i.type == Type::F32;
+        case Op::Trunc: return i.op == Op::BitCast && folded[v] != 0;
+        default: return i.op == Op::Trunc && (f_.type(o) == Type::I64 ? i.type == Type::I32 : folded[v] != 0);
+      }
+    };
+    for (bool again = true; again;) {
+      again = false;
+      for (Value v = 1; v < f_.insts.size(); v++) {
+        if (!p_.a.needed[v]) continue;
+        for (Value o : f_.operands(v))
+          if (folded[o] && !takes(v, o)) folded[o] = 0, again = true;
+      }
+    }
+  }
+
+  //! The column's part of an offset row + (x << shift), 0: it is something else.
+  Value columnOf(Value offset, Value row, uint64_t shift) const {
+    const Inst& i = f_.insts[offset];
+    if (i.op != Op::IAdd || i.type != Type::I32) return 0;
+    const auto o = f_.operands(offset);
+    const Value column = o[0] == row ? o[1] : o[1] == row ? o[0] : 0;
+    if (!column || f_.insts[column].op != Op::Shl) return 0;
+    const Value x = f_.operands(column)[0], count = f_.operands(column)[1];
+    // In blocks the numbers of neighbours differ by more than one: sums there, minima and maxima here.
+    return f_.insts[count].op == Op::Const && f_.insts[count].imm == shift && f_.insts[x].op != Op::IAdd ? column : 0;
+  }
+  void findPairs() {
+    p_.pairSecond.assign(f_.insts.size(), 0);
+    p_.pairFirst.assign(f_.insts.size(), 0);
+    const auto fits = [&](Value v) {
+      const Inst& i = f_.insts[v];
+      if (i.op != Op::LoadConst || !p_.a.needed[v] || p_.a.uniform[v] || p_.flat[v] || ir::typeBytes(i.type) < 4) return false;
+      const auto o = f_.operands(v);
+      return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && !p_.a.uniform[o[1]] && !p_.flat[o[1]] && f_.insts[o[1]].op == Op::IAdd &&
+             !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
+    };
+    Value first = 0;
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      const Inst& i = f_.insts[v];
+      if (first)
+        for (Value o : f_.operands(v))
+          if (o == first) first = 0;
+      if ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kControl)) && i.op != Op::Var) first = 0;
+      if (!fits(v)) continue;
+      const auto pairs = [&] {
+        const auto a = f_.operands(first), b = f_.operands(v);
+        const Inst& other = f_.insts[first];
+        if (other.type != i.type || other.imm != i.imm || a[0] != b[0] || a[2] != b[2] || a[1] == b[1]) return false;
+        const uint64_t shift = ir::typeBytes(i.type) == 8 ? 3 : 2;
+        for (Value row : f_.operands(a[1]))
+          if (columnOf(a[1], row, shift) && columnOf(b[1], row, shift)) return true;
+        return false;
+      };
+      if (first && pairs()) {
+        p_.pairSecond[first] = v;
+        p_.pairFirst[v] = first;
+        first = 0;
+      } else {
+        first = v;
+      }
     }
   }
 
@@ -208,8 +290,9 @@ class Planner {
       if (!p_.a.needed[v]) continue;
       const Inst& i = f_.insts[v];
       Value at = v;
-      if (i.op == Op::BitCast || i.op == Op::FNeg) at = std::max(v, lastUse_[v]);   // may stand for its operand
+      if (i.op == Op::BitCast || i.op == Op::FNeg || i.op == Op::LShr || i.op == Op::Trunc) at = std::max(v, lastUse_[v]);   // may stand for its operand
       if (i.op == Op::If) at = p_.regions[p_.regionOf[v]].end;                      // the else looks again
+      if (p_.pairSecond[v]) at = p_.pairSecond[v];
       for (Value o : f_.operands(v)) lastUse_[o] = std::max({lastUse_[o], extended(o, v), at});
       if (i.op == Op::VarSet) nextSet_[v] = std::exchange(set[f_.operands(v)[0]], v);
     }
@@ -323,7 +406,7 @@ class Planner {
     r.end = std::max(r.end, until);
   }
   void use(Value v, Value at) {
-    if (p_.folded[v]) v = f_.operands(v)[0];
+    while (p_.folded[v]) v = f_.operands(v)[0];
     if (p_.a.uniform[v]) useUniform(v, at);
     else if (p_.vregOf[v] != kNone) useReg(p_.vregOf[v], at);
   }
@@ -413,6 +496,12 @@ class Planner {
   }
 
   void instruction(Value v) {
+    if (p_.pairSecond[v]) return;
+    if (const Value first = p_.pairFirst[v]) {
+      for (Value operand : f_.operands(first)) use(operand, v);
+      p_.vregOf[first] = newVreg(v, ir::typeBytes(f_.type(first)) == 8);
+      p_.vregs.back().weight = weight_;
+    }
     const Inst& i = f_.insts[v];
     const auto o = f_.operands(v);
     if (ir::opInfo(i.op).flags & ir::kControl || i.op == Op::Barrier) lastControl_ = v;
@@ -421,6 +510,8 @@ class Planner {
       case Op::Var: return;
       case Op::LocalAlloc: return;
       case Op::FNeg:
+      case Op::LShr:
+      case Op::Trunc:
         if (p_.folded[v]) return;
         break;
       case Op::VarGet:
@@ -446,6 +537,7 @@ class Planner {
         use(o[0], v);
         return;
       case Op::BitCast:
+        if (p_.folded[v]) return;
         // The same bits under another name, unless NaNs have to be made canonical.
         if (p_.inRegister(o[0]) && !(ir::isFloat(f_.type(o[0])) && p_.a.nan[o[0]] == interp::NanBits::Arithmetic)) {
           p_.vregOf[v] = p_.vregOf[o[0]];
@@ -505,8 +597,23 @@ class Planner {
       default: break;
     }
     for (Value operand : o) use(operand, v);
-    if (((ir::opInfo(i.op).flags & (ir::kEffect | ir::kRead)) && i.op != Op::Barrier) || i.op == Op::LoadConst) useMask(v);
+    const bool whole = p_.wholeBlocks && (i.op == Op::TileLoad || i.op == Op::TileStore) && p_.regions[current_].mask == p_.regions[0].mask;
+    if (!whole && ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kRead)) && i.op != Op::Barrier) || i.op == Op::LoadConst) useMask(v);
     if (i.type != Type::None) define(v);
+  }
+
+  //! Fields of the row's one record, unless a variable lives in the same place.
+  void findAhead() {
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      if (f_.insts[v].op != Op::QuadLoad || !p_.flat[v] || p_.vregOf[v] == kNone) continue;
+      const uint32_t id = p_.vregOf[v];
+      Vreg& r = p_.vregs[id];
+      if (r.unused || r.start != v || (shared_[id] & kHoldsVar)) continue;
+      r.ahead = true;
+      r.start = 0;
+      r.end = uint32_t(f_.insts.size() - 1);
+      p_.ahead.push_back(v);
+    }
   }
 
   void enter(Value v) {
@@ -551,7 +658,7 @@ uint32_t pressure(const Plan& p) {
   std::vector<int32_t> change(p.f->insts.size() + 2, 0);
   for (const Vreg& r : p.vregs) {
     // What is hardly used may live in the frame.
-    if (r.flat || r.unused || r.weight * 16 < float(r.end - r.start)) continue;
+    if (r.flat || r.unused || r.ahead || r.weight * 16 < float(r.end - r.start)) continue;
     change[r.start] += r.wide ? 2 : 1;
     change[r.end + 1] -= r.wide ? 2 : 1;
   }
@@ -562,8 +669,9 @@ uint32_t pressure(const Plan& p) {
 
 }  // namespace
 
-Plan makePlan(const Function& f, uint32_t lanes) {
+Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks) {
   Plan p;
+  p.wholeBlocks = wholeBlocks;
   Planner(f, p).run();
   if (needsSubgroups(f)) p.unroll = ir::kSubgroupLanes / kVectorLanes;
   else if (lanes) p.unroll = lanes / kVectorLanes;

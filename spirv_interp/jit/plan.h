@@ -26,6 +26,7 @@ struct Vreg {
   bool flat = false;             //!< all lanes hold the same: one part serves for all
   bool uniform = false;          //!< a constant or a value of the bank, for a while in a register: needs no slot
   bool unused = false;           //!< another Vreg took its place
+  bool ahead = false;            //!< written once a row: has a slot for all its life, and no register
   int8_t reg[kMaxParts];         //!< -1: in the frame
   uint32_t slot[kMaxParts];      //!< index of its vector in the frame
 };
@@ -63,18 +64,24 @@ struct Plan {
   //! all lanes run alike, and what is computed from them. By break: all lanes of the construct leave together.
   std::vector<uint8_t> flat;
   std::vector<ir::Value> zeroed; //!< vars that must be zero at the start
-  std::vector<uint8_t> folded;   //!< by value: an fneg that the fma's which use it do themselves
+  std::vector<uint8_t> folded;   //!< by value: not computed, as its users look through it: an fneg (fma), a shift to an upper word (trunc), halves on their way to f32
+  //! Loads whose addresses are mostly neighbours: columns x and x + 1 of a texture. By the first the second, and back; both are done where
+  //! the second stands.
+  std::vector<ir::Value> pairSecond, pairFirst;
   std::vector<Hot> hot;          //!< by region
   bool mayWait = false;          //!< chunks must give way in loops
   bool suspends = false;         //!< mayWait, or a barrier
+  bool wholeBlocks = false;      //!< JitOptions; chunks follow one another inside of one call
+  std::vector<ir::Value> ahead;  //!< wholeBlocks: what is loaded once a row, before its first chunk. In the frame
   uint32_t frameSlots = 0;       //!< vectors of the frame
 
   bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
   uint32_t parts(const Vreg& r) const { return r.flat ? 1 : r.wide ? unroll * 2 : unroll; }
 };
 
-//! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here.
-Plan makePlan(const ir::Function& f, uint32_t lanes);
+//! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here. `wholeBlocks`: as JitOptions; taken if chunks need no state of
+//! their own.
+Plan makePlan(const ir::Function& f, uint32_t lanes, bool wholeBlocks = false);
 //! Gives each part of each Vreg its place: a linear scan over positions.
 void allocate(Plan& plan);
 

@@ -95,6 +95,88 @@ TEST(JitMemory, loadsOfEveryWidthFromEverySortOfAddress) {
       }
 }
 
+// As texels of 8 bytes are read where a picture is drawn at its own size; then the same with one lane elsewhere, and beyond the end.
+TEST(JitMemory, quadsThatReadNeighboursInTwoRows) {
+  for (const char* stray : {"0", "8", "128"})
+    for (size_t bytes : {8u, 24u, 90u, 400u, 700u, 4096u})
+      agrees(R"(
+        %id = lane.id i32
+        %one = const i32 1
+        %two = const i32 2
+        %three = const i32 3
+        %six = const i32 6
+        %pitch = const i32 100
+        %right = and i32 %id, %one
+        %id1 = lshr i32 %id, %one
+        %down = and i32 %id1, %one
+        %id2 = lshr i32 %id, %two
+        %far = and i32 %id2, %one
+        %far2 = shl i32 %far, %one
+        %x = iadd i32 %right, %far2
+        %column = shl i32 %x, %three
+        %row = imul i32 %down, %pitch
+        %group = lshr i32 %id, %three
+        %at = shl i32 %group, %six
+        %here = iadd i32 %column, %row
+        %there = iadd i32 %here, %at
+        %strayed = const i32 )" + std::string(stray) + R"(
+        %seventeen = const i32 17
+        %is = ieq mask %id, %seventeen
+        %moved = iadd i32 %there, %strayed
+        %place = select i32 %is, %moved, %there
+        %a = load i64 %ubase, %place, %usize
+        output 0 %a
+        %b = load.const i64 +4 %ubase, %there, %usize
+        output 1 %b
+        %up = const i64 32
+        %c = lshr i64 %b, %up
+        %d = trunc i32 %c
+        %half = const i32 16
+        %e = lshr i32 %d, %half
+        %f = trunc i16 %e
+        %g = bitcast f16 %f
+        %h = ftof f32 %g
+        output 2 %h
+        %i = trunc i16 %d
+        %j = bitcast f16 %i
+        %k = ftof f32 %j
+        %l = trunc i32 %b
+        %m = trunc i16 %l
+        %n = bitcast f16 %m
+        %o = ftof f32 %n
+        %p = fadd f32 %k, %o
+        output 3 %p
+      )", bytes);
+}
+
+// As the columns of a bilinear footprint: x and x + 1, which the last column clamps.
+TEST(JitMemory, pairsOfNeighbours) {
+  for (const auto& [type, shift] : {std::pair("i32", "2"), std::pair("i64", "3"), std::pair("f32", "2")})
+    for (const char* last : {"10", "40", "1000"})
+      for (size_t bytes : {4u, 8u, 100u, 300u, 4096u})
+        agrees(R"(
+          %one = const i32 1
+          %mask = const i32 63
+          %pitch = const i32 48
+          %shift = const i32 )" + std::string(shift) + R"(
+          %last = const i32 )" + std::string(last) + R"(
+          %x0 = and i32 %off, %mask
+          %next = iadd i32 %x0, %one
+          %x1 = umin i32 %next, %last
+          %y = lshr i32 %off, %one
+          %y0 = and i32 %y, %one
+          %row = imul i32 %y0, %pitch
+          %c0 = shl i32 %x0, %shift
+          %c1 = shl i32 %x1, %shift
+          %at0 = iadd i32 %row, %c0
+          %at1 = iadd i32 %c1, %row
+          %a = load.const )" + type + R"( %ubase, %at0, %usize
+          %b = load.const )" + type + R"( %ubase, %at1, %usize
+          output 0 %a
+          output 1 %b
+        )", bytes);
+}
+
 TEST(JitMemory, loadsOfSomeLanesOnly) {
   agrees(R"(
     if %some

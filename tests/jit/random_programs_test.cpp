@@ -2,6 +2,7 @@
 // which the interpreter's own tests compare with the reference.
 #include <gtest/gtest.h>
 
+#include "spirv_interp/ir/one_record.h"
 #include "spirv_interp/ir/passes.h"
 #include "spirv_interp/jit/jit.h"
 #include "tests/support/world.h"
@@ -31,6 +32,26 @@ void agree(uint64_t first, uint64_t count, ir::Numerics numerics = ir::Numerics:
   for (uint64_t seed = first; seed < first + count && !::testing::Test::HasFailure(); seed++) agrees(seed, seed % 3 == 0, numerics);
 }
 
+TEST(JitRandomPrograms, giveTheSameBitsInRowsOfWholeBlocks) {
+  if (!jit::available()) GTEST_SKIP();
+  for (uint64_t seed = 50'001; seed < 50'300 && !::testing::Test::HasFailure(); seed++) {
+    Choices choices(seed);
+    Program p = makeProgram(choices, {});
+    if (seed % 3) ir::optimise(p.function);
+    for (ir::Inst& i : p.function.insts)
+      if (i.op == ir::Op::QuadLoad) i.imm |= ir::kOneRecord;
+    const WorldShape shape{.rowLanes = seed % 2 ? 128u : 32u, .groups = 2, .awkward = seed % 4 < 2, .wholeBlocks = true};
+    World world(p, seed, shape);
+    auto interpreted = interp::compileInterpreter(p.function, {});
+    ASSERT_TRUE(interpreted) << interpreted.error().message;
+    const Results want = world.run(**interpreted);
+    for (uint32_t lanes : {8u, 16u, 32u, 0u}) {
+      auto native = jit::compile(p.function, {}, {.chunkLanes = lanes, .wholeBlocks = true});
+      ASSERT_TRUE(native) << native.error().message << "\nseed " << seed << "\n" << ir::print(p.function);
+      ASSERT_EQ(world.difference(want, world.run(**native)), "") << "chunks of " << lanes << ", seed " << seed << "\n" << ir::print(p.function);
+    }
+  }
+}
 TEST(JitRandomPrograms, giveTheBitsOfTheInterpreter) { agree(1, 700); }
 TEST(JitRandomPrograms, giveTheOraclesBits) { agree(20'001, 120, ir::Numerics::Oracle); }
 // The run of issue-sized length: --gtest_also_run_disabled_tests.

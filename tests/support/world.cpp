@@ -78,9 +78,17 @@ World::World(const Program& program, uint64_t seed, WorldShape shape)
   // Quads lie in the planes in an order of their own.
   elements_.resize(quads);
   std::iota(elements_.begin(), elements_.end(), 0);
-  for (size_t k = quads; k-- > 1;) std::swap(elements_[k], elements_[r.below(uint32_t(k + 1))]);
+  if (shape_.wholeBlocks) {
+    assert(shape_.rowLanes % 32 == 0 && !shape_.partial);
+    for (size_t k = quads / 4; k-- > 1;) {
+      const uint32_t other = r.below(uint32_t(k + 1));
+      for (uint32_t q = 0; q < 4; q++) std::swap(elements_[k * 4 + q], elements_[other * 4 + q]);
+    }
+  } else {
+    for (size_t k = quads; k-- > 1;) std::swap(elements_[k], elements_[r.below(uint32_t(k + 1))]);
+  }
   for (uint32_t& e : elements_) e *= 4;
-  for (uint32_t q = 0; q < quads; q++) recordPointers_.push_back(records_.data() + size_t(q) * kQuadRecordBytes);
+  for (uint32_t q = 0; q < quads; q++) recordPointers_.push_back(records_.data() + (shape_.wholeBlocks ? 0 : size_t(q) * kQuadRecordBytes));
   for (uint32_t row = 0; row < rows(); row++)
     for (uint32_t p = 0; p < kTilePlanes; p++) planes_.push_back({base() + tiles_[p], elements_.data() + row * shape_.rowLanes / 4});
 

@@ -17,6 +17,7 @@ struct WorldShape {
   uint32_t groups = 1;                     //!< groups * groupRows * rowLanes <= kMaxInvocations
   bool partial = false;                    //!< some lanes do not take part
   bool awkward = true;                     //!< infinities, NaNs, limits among the data
+  bool wholeBlocks = false;                //!< quads come in fours that are neighbours in the planes, all with one record
 };
 
 //! One or several rows of any length, sometimes with lanes that do not take part, sometimes with calm data.
