@@ -92,7 +92,10 @@ Value decode(Builder& b, const FormatInfo& f, const RawElement& raw, const Compo
     case Numeric::Ufloat: return decodeSmallFloat(b, bitField(b, f, raw, c), c.bits);
     case Numeric::Sfloat:
       if (c.bits == 32) return b.bitcast(Type::F32, raw[placeOf(f, c).word]);
-      return b.convert(Op::FToF, Type::F32, b.bitcast(Type::F16, b.convert(Op::Trunc, Type::I16, bitField(b, f, raw, c))));
+    {
+      const Place p = placeOf(f, c);
+      return b.convert(Op::FToF, Type::F32, b.bitcast(Type::F16, b.convert(Op::Trunc, Type::I16, p.shift ? b.lshr(raw[p.word], b.i32(p.shift)) : raw[p.word])));
+    }
     case Numeric::None: break;
   }
   return b.f32(0.0f);
@@ -144,9 +147,9 @@ Value clampSigned(Builder& b, Value v, unsigned bits) {
 }
 
 // Component bits in the low bits of an i32; bits above the width may be set for signed ones.
-Value encode(Builder& b, const Component& c, Value v) {
+Value encode(Builder& b, const Component& c, Value v, bool inUnit = false) {
   switch (c.numeric) {
-    case Numeric::Unorm: return roundScaled(b, clampUnit(b, v), lowMask(c.bits));
+    case Numeric::Unorm: return roundScaled(b, inUnit && c.bits <= 16 ? v : clampUnit(b, v), lowMask(c.bits));
     case Numeric::Snorm: {
       constexpr float kMagic = 1.5f * kTwo23;
       Value x = b.fmin(b.fmax(b.select(b.feq(v, v), v, b.f32(0.0f)), b.f32(-1.0f)), b.f32(1.0f));
@@ -265,7 +268,9 @@ Texel scaleTexel(Builder& b, const FormatInfo& f, const Texel& unscaled) {
   return t;
 }
 
-RawElement pack(Builder& b, const FormatInfo& f, const Texel& texel) {
+RawElement pack(Builder& b, const FormatInfo& f, const Texel& texel) { return packBounded(b, f, texel, 0); }
+
+RawElement packBounded(Builder& b, const FormatInfo& f, const Texel& texel, unsigned inUnit) {
   if (f.flags & kSharedExponent) return packShared(b, f, texel);
   RawLoads loads = rawLoads(f);
   const unsigned unit = typeBytes(loads.type) * 8;
@@ -285,7 +290,7 @@ RawElement pack(Builder& b, const FormatInfo& f, const Texel& texel) {
       raw[p.word + 1] = b.convert(Op::Trunc, Type::I32, b.lshr(wide, b.i64(32)));
       continue;
     }
-    Value v = encode(b, c, texel[i]);
+    Value v = encode(b, c, texel[i], inUnit >> i & 1);
     bool isSigned = c.numeric == Numeric::Snorm || c.numeric == Numeric::Sscaled || c.numeric == Numeric::Sint;
     // Sign bits may stay where nothing lies above them.
     if (isSigned && c.bits < 32 && !(unit == 32 && p.shift + c.bits == 32)) v = b.and_(v, b.i32(lowMask(c.bits)));
@@ -316,6 +321,15 @@ Value packDepth(Builder& b, const FormatInfo& f, Value depth) {
 RawElement loadRaw(Builder& b, const FormatInfo& f, Value base, Value offset, Value size, bool constant) {
   RawLoads loads = rawLoads(f);
   RawElement raw{};
+  if (constant && loads.type == Type::I32 && loads.count % 2 == 0) {
+    // Two words at once.
+    for (uint32_t i = 0; i < loads.count; i += 2) {
+      Value v = b.loadConst(Type::I64, base, offset, size, i * 4);
+      raw[i] = b.convert(Op::Trunc, Type::I32, v);
+      raw[i + 1] = b.convert(Op::Trunc, Type::I32, b.lshr(v, b.i64(32)));
+    }
+    return raw;
+  }
   for (uint32_t i = 0; i < loads.count; ++i) {
     uint32_t at = i * typeBytes(loads.type);
     Value v = constant ? b.loadConst(loads.type, base, offset, size, at) : b.load(loads.type, base, offset, size, at);

@@ -1,4 +1,4 @@
-// Parts of unpack() that sampling uses on their own.
+// Parts of unpack() and pack() that sampling and blending use on their own.
 #pragma once
 
 #include "texture/builders.h"
@@ -10,6 +10,9 @@ namespace pumice::texture {
 ir::Value unpackComponent(ir::Builder& b, const FormatInfo& f, const RawElement& raw, int component, bool scale);
 //! What unpackComponent() without `scale` left out.
 Texel scaleTexel(ir::Builder& b, const FormatInfo& f, const Texel& unscaled);
+
+//! pack(). `inUnit`, bit per component: it is no NaN and in [0, 1] but for a few roundings, so that clamping could change nothing.
+RawElement packBounded(ir::Builder& b, const FormatInfo& f, const Texel& texel, unsigned inUnit);
 
 //! v / (divisor * 2^exponent) of integers v / 2^exponent in f32, |v| <= divisor: correctly rounded for every divisor that formats have
 //! (tested for each).

@@ -51,6 +51,9 @@ Value simplifyWithConstant(Builder& b, Op op, Type t, Value x, uint64_t c) {
     case Op::Xor:
       return c == 0 ? x : 0;
     case Op::Shl:
+      if (const uint64_t count = c & (typeBytes(t) * 8 - 1); count && constantChain(b, Op::IAdd, x, inner, d) && ((d << count) & ones) == 0)
+        return b.shl(inner, b.constant(t, count));
+      [[fallthrough]];
     case Op::LShr:
     case Op::AShr:
       return (c & (typeBytes(t) * 8 - 1)) == 0 ? x : 0;
