@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "pipeline/builders.h"
+#include "texture/pack.h"
 
 namespace pumice::pipeline {
 
@@ -54,6 +55,13 @@ RawElement loadRaw(ir::Builder& b, const FormatInfo& f, uint32_t plane) {
 
 void storeRaw(ir::Builder& b, const FormatInfo& f, uint32_t plane, const RawElement& raw) {
   const texture::RawLoads loads = texture::rawLoads(f);
+  if (loads.type == Type::I32 && loads.count % 2 == 0) {
+    // Pairs of words: an element of 8 bytes is written at once, with its neighbours.
+    for (uint32_t i = 0; i < loads.count; i += 2)
+      b.tileStore(plane, f.elementBytes, i * 4,
+                  b.or_(b.convert(Op::ZExt, Type::I64, raw[i]), b.shl(b.convert(Op::ZExt, Type::I64, raw[i + 1]), b.i64(32))));
+    return;
+  }
   for (uint32_t i = 0; i < loads.count; ++i) {
     const Value v = loads.type == Type::I32 ? raw[i] : b.convert(Op::Trunc, loads.type, raw[i]);
     b.tileStore(plane, f.elementBytes, i * ir::typeBytes(loads.type), v);
@@ -110,6 +118,36 @@ Value blendComponent(ir::Builder& b, VkBlendOp op, VkBlendFactor sourceFactor, V
   }
 }
 
+//! One is the other's complement.
+bool addToOne(VkBlendFactor f, VkBlendFactor g) {
+  static constexpr VkBlendFactor kPairs[][2] = {
+      {VK_BLEND_FACTOR_ZERO, VK_BLEND_FACTOR_ONE},
+      {VK_BLEND_FACTOR_SRC_COLOR, VK_BLEND_FACTOR_ONE_MINUS_SRC_COLOR},
+      {VK_BLEND_FACTOR_DST_COLOR, VK_BLEND_FACTOR_ONE_MINUS_DST_COLOR},
+      {VK_BLEND_FACTOR_SRC_ALPHA, VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA},
+      {VK_BLEND_FACTOR_DST_ALPHA, VK_BLEND_FACTOR_ONE_MINUS_DST_ALPHA},
+      {VK_BLEND_FACTOR_CONSTANT_COLOR, VK_BLEND_FACTOR_ONE_MINUS_CONSTANT_COLOR},
+      {VK_BLEND_FACTOR_CONSTANT_ALPHA, VK_BLEND_FACTOR_ONE_MINUS_CONSTANT_ALPHA},
+      {VK_BLEND_FACTOR_SRC1_COLOR, VK_BLEND_FACTOR_ONE_MINUS_SRC1_COLOR},
+      {VK_BLEND_FACTOR_SRC1_ALPHA, VK_BLEND_FACTOR_ONE_MINUS_SRC1_ALPHA},
+  };
+  return std::any_of(std::begin(kPairs), std::end(kPairs), [&](const auto& p) { return (p[0] == f && p[1] == g) || (p[0] == g && p[1] == f); });
+}
+
+//! With everything that comes in between 0 and 1, so is the result, but for roundings.
+bool staysInUnit(VkBlendOp op, VkBlendFactor source, VkBlendFactor destination, uint32_t c) {
+  if (op == VK_BLEND_OP_MIN || op == VK_BLEND_OP_MAX) return true;
+  if (op != VK_BLEND_OP_ADD) return false;
+  if (source == VK_BLEND_FACTOR_ZERO || destination == VK_BLEND_FACTOR_ZERO || addToOne(source, destination)) return true;
+  // s + d (1 - s) and s (1 - d) + d.
+  const bool alpha = c == 3;
+  if (source == VK_BLEND_FACTOR_ONE)
+    return destination == VK_BLEND_FACTOR_ONE_MINUS_SRC_COLOR || (alpha && destination == VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA);
+  if (destination == VK_BLEND_FACTOR_ONE)
+    return source == VK_BLEND_FACTOR_ONE_MINUS_DST_COLOR || (alpha && source == VK_BLEND_FACTOR_ONE_MINUS_DST_ALPHA);
+  return false;
+}
+
 Value logicWord(ir::Builder& b, VkLogicOp op, Value s, Value d) {
   switch (op) {
     case VK_LOGIC_OP_CLEAR: return b.i32(0);
@@ -156,6 +194,7 @@ void writeColor(ir::Builder& b, const GraphicsState& s, uint32_t attachment, uin
   RawElement old{};
   if (blend || logic || partial) old = loadRaw(b, f, plane);
   Texel color = given;
+  unsigned inUnit = 0;
   if (blend) {
     const VkPipelineColorBlendAttachmentState& e = s.blend[attachment];
     Texel constant, source1 = given1;
@@ -172,8 +211,13 @@ void writeColor(ir::Builder& b, const GraphicsState& s, uint32_t attachment, uin
     for (uint32_t c = 0; c < 3; ++c) result[c] = blendComponent(b, e.colorBlendOp, e.srcColorBlendFactor, e.dstColorBlendFactor, sources, c);
     result[3] = blendComponent(b, e.alphaBlendOp, e.srcAlphaBlendFactor, e.dstAlphaBlendFactor, sources, 3);
     color = result;
+    if (f.rgba[0].numeric == Numeric::Unorm)
+      for (uint32_t c = 0; c < 4; ++c)
+        if (c < 3 ? staysInUnit(e.colorBlendOp, e.srcColorBlendFactor, e.dstColorBlendFactor, c)
+                  : staysInUnit(e.alphaBlendOp, e.srcAlphaBlendFactor, e.dstAlphaBlendFactor, c))
+          inUnit |= 1u << c;
   }
-  RawElement raw = texture::pack(b, f, color);
+  RawElement raw = texture::packBounded(b, f, color, inUnit);
   const uint32_t words = texture::rawLoads(f).count;
   if (logic)
     for (uint32_t i = 0; i < words; ++i) raw[i] = logicWord(b, s.logicOp, raw[i], old[i]);

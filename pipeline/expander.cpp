@@ -212,13 +212,14 @@ std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& o
   return results;
 }
 
-base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked) {
+base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked,
+                                                                  bool wholeBlocks) {
   if (std::string why = ir::verify(f); !why.empty()) return base::errorf("%s: made invalid IR: %s", f.name.c_str(), why.c_str());
   ir::optimise(f);
   interp::CompileOptions options;
   options.numerics = numerics;
   options.checked = std::move(checked);
-  return jit::makeExecutable(f, options);
+  return jit::makeExecutable(f, options, wholeBlocks);
 }
 
 ir::Function guardEffects(const ir::Function& source) {

@@ -60,7 +60,8 @@ class StageExpander : public ir::Expander {
 };
 
 //! Verifies, optimises and compiles a finished routine.
-base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked = {});
+base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked = {},
+                                                                  bool wholeBlocks = false);
 
 //! A copy of the shader's function in which memory is only changed where `helper.mask` is false.
 ir::Function guardEffects(const ir::Function& f);

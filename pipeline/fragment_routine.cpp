@@ -68,7 +68,7 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
 class FragmentExpander : public StageExpander {
  public:
   FragmentExpander(const GraphicsPipeline& p, const FragmentKey& key, const frontend::Shader& shader, const ShaderTraits& t)
-      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t) {}
+      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(key.rows == Rows::WholeFlat) {}
 
   void declare(ir::Builder& b) {
     const GraphicsState& s = pipeline_.state;
@@ -201,6 +201,7 @@ class FragmentExpander : public StageExpander {
 
   const GraphicsPipeline& pipeline_;
   const ShaderTraits& traits_;
+  const bool flat_;   //!< 1/w is 1
   std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
   Value depth_ = 0, sampleMask_ = 0, alpha_ = 0, killed_ = 0;
   Value x_ = 0, y_ = 0, covered_ = 0, fragDepth_ = 0, coverage_ = 0;
@@ -222,7 +223,7 @@ Value FragmentExpander::interpolate(ir::Builder& b, uint32_t varying, Value x, V
   const raster::VaryingMode mode = pipeline_.link.varyings[varying].mode;
   if (mode == raster::VaryingMode::Flat) return b.quadLoad(Type::I32, planeOffset(kPlaneVaryings + varying));
   const Value v = evaluatePlane(b, kPlaneVaryings + varying, x, y);
-  if (mode != raster::VaryingMode::Perspective) return v;
+  if (mode != raster::VaryingMode::Perspective || flat_) return v;   // times 1 is what it was
   return b.fmul(v, b.fdiv(b.f32(1), evaluatePlane(b, kPlaneInverseW, x, y)));
 }
 
@@ -231,7 +232,7 @@ Value FragmentExpander::builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t 
     case kFragCoord:
       if (component == 0) return b.fadd(x_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellX)));
       if (component == 1) return b.fadd(y_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellY)));
-      return component == 2 ? fragDepth_ : evaluatePlane(b, kPlaneInverseW, x_, y_);
+      return component == 2 ? fragDepth_ : flat_ ? b.f32(1) : evaluatePlane(b, kPlaneInverseW, x_, y_);
     case kFrontFacing: return b.ine(b.quadLoad(Type::I32, offsetof(raster::RecordHeader, frontFacing)), b.i32(0));
     case kPrimitiveId: return b.quadLoad(Type::I32, offsetof(raster::RecordHeader, primitiveId));
     case kSampleMask: return coverage_;
@@ -342,13 +343,15 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   if (shader) expander.declare(b);
 
   const Value x = b.input(Type::F32, kSlotX), y = b.input(Type::F32, kSlotY);
-  const Value rasterized = b.input(Type::I32, kSlotCoverage);
+  Value rasterized = b.input(Type::I32, kSlotCoverage);
   Value coverage = rasterized;
   const uint32_t samples = t.perSample ? 1 : state.samples;   // that this code deals with
   const uint32_t allSamples = (1u << state.samples) - 1;
   const Value sampleNumber = t.perSample ? b.input(Type::I32, kSlotSample) : 0;
   const auto sampleBit = [&](uint32_t s) { return t.perSample ? b.shl(b.i32(1), sampleNumber) : b.i32(1u << s); };
   const bool masked = (state.sampleMask & allSamples) != allSamples;
+  const bool whole = key.rows >= Rows::Whole;
+  if (whole) rasterized = coverage = b.i32(allSamples);
   if (masked && !key.settled) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
   const Value passed = key.countSamples ? b.var(Type::I32) : 0;
   const Value shaded = key.statistics ? b.var(Type::I32) : 0;
@@ -364,12 +367,13 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   if (t.perSample) coverage = b.and_(coverage, sampleBit(0));
   std::vector<Value> live(samples, 0);   // 0: all active lanes
   for (uint32_t s = 0; s < samples; ++s) {
-    if (samples > 1) live[s] = b.ine(b.and_(coverage, b.i32(1u << s)), b.i32(0));
+    if (whole) live[s] = 0;
+    else if (samples > 1) live[s] = b.ine(b.and_(coverage, b.i32(1u << s)), b.i32(0));
     else if (t.needsHelpers || (masked && !key.settled) || t.perSample) live[s] = b.ine(coverage, b.i32(0));
     if (t.early && !key.settled) live[s] = testSample(b, state, s, live[s], depthAt(s));
   }
   Value any = live[0];
-  for (uint32_t s = 1; s < samples; ++s) any = b.maskOr(any, live[s]);
+  for (uint32_t s = 1; s < samples; ++s) any = any && live[s] ? b.maskOr(any, live[s]) : 0;
 
   // A row of settled fragments holds no quad for nothing, and where no helpers are needed no lane.
   if (key.settled && !t.needsHelpers) any = 0;
@@ -422,20 +426,26 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   routine->present = effects;
 
   const auto reads = [](const ir::Inst& i) { return i.op == Op::QuadLoad; };
-  if (key.oneRecord) {
+  const auto readsW = [&](const ir::Inst& i) { return reads(i) && i.imm - planeOffset(kPlaneInverseW) < 12; };
+  if (key.rows != Rows::Any) {
     for (ir::Inst& i : f.insts)
       if (reads(i)) i.imm |= ir::kOneRecord;
-  } else if (key.numerics == ir::Numerics::F32 && !(disabledIdeas() & bit(Idea::OneRecord)) && std::any_of(f.insts.begin(), f.insts.end(), reads) &&
-             std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
-    routine->sibling = std::make_unique<FragmentRoutine::Sibling>();
-    routine->sibling->make = [&pipeline, other = key]() mutable -> std::unique_ptr<FragmentRoutine> {
-      other.oneRecord = true;
-      auto made = buildFragmentRoutine(pipeline, other);
-      if (!made) base::logError("fragment routine for one record: %s", made.error().message.c_str());
-      return made ? std::make_unique<FragmentRoutine>(std::move(**made)) : nullptr;
-    };
+  } else if (key.numerics == ir::Numerics::F32 && std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
+    const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics;
+    const bool wanted[kRowKinds] = {false, !(disabledIdeas() & bit(Idea::OneRecord)) && std::any_of(f.insts.begin(), f.insts.end(), reads),
+                                    wholeOnes, wholeOnes && std::any_of(f.insts.begin(), f.insts.end(), readsW)};
+    for (uint32_t kind = 1; kind < kRowKinds; ++kind) {
+      if (!wanted[kind]) continue;
+      routine->siblings[kind] = std::make_unique<FragmentRoutine::Sibling>();
+      routine->siblings[kind]->make = [&pipeline, other = key, kind]() mutable -> std::unique_ptr<FragmentRoutine> {
+        other.rows = Rows(kind);
+        auto made = buildFragmentRoutine(pipeline, other);
+        if (!made) base::logError("fragment routine for rows of a kind: %s", made.error().message.c_str());
+        return made ? std::make_unique<FragmentRoutine>(std::move(**made)) : nullptr;
+      };
+    }
   }
-  auto code = finishRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText});
+  auto code = finishRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText}, whole);
   if (!code) return std::move(code).error();
   routine->code = std::move(code).value();
   return routine;

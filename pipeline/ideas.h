@@ -10,7 +10,9 @@ namespace pumice::pipeline {
 #define PUMICE_IDEAS(X)               \
   X(VisibleFirst, "visible-first")    \
   X(HiZ, "hi-z")                      \
-  X(OneRecord, "one-record")
+  X(OneRecord, "one-record")          \
+  X(WholeBlocks, "whole-blocks")      \
+  X(LazyClear, "lazy-clear")
 
 enum class Idea : uint32_t {
 #define PUMICE_IDEA(id, name) id,

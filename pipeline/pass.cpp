@@ -34,6 +34,7 @@ AttachmentPlane planeOf(const Attachment& a, VkImageAspectFlags aspect) {
   p.base = a.memory.base + plane.offset + level.offset + p.layerPitch * a.baseLayer;
   p.samplePitch = plane.samplePitch;
   p.rowElements = uint32_t(level.rowPitch / plane.elementBytes);
+  p.elementBytes = plane.elementBytes;
   return p;
 }
 
@@ -42,9 +43,15 @@ AttachmentPlane planeOf(const Attachment& a, VkImageAspectFlags aspect) {
 void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
                     const VkClearValue& value) {
   const texture::FormatInfo* format = a.memory.layout ? texture::formatInfo(a.format) : nullptr;
-  if (!format || !(format->aspects() & aspect) || baseLayer >= a.layerCount) return;
+  if (!format || !(format->aspects() & aspect)) return;
   std::byte element[32];
   texture::packClearValue(*format, aspect, value, element);
+  fillAttachment(a, aspect, baseLayer, layerCount, rect, element);
+}
+
+void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
+                    const std::byte* element) {
+  if (!a.memory.layout || baseLayer >= a.layerCount) return;
   const bool slices = a.memory.layout->type == VK_IMAGE_TYPE_3D;   // a view's layers are the image's depth slices
   for (uint32_t l = baseLayer; l < baseLayer + std::min(layerCount, a.layerCount - baseLayer); ++l)
     texture::fillRect(a.memory, aspect, a.level, slices ? 0 : a.baseLayer + l, slices ? a.baseLayer + l : 0, rect, element);
@@ -91,6 +98,9 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
     if (a >= pass.colorCount) pass.color[a] = pass.resolve[a] = {};
     colorPlanes[a] = planeOf(pass.color[a], VK_IMAGE_ASPECT_COLOR_BIT);
     if (pass.color[a].memory.layout) samples = pass.color[a].memory.layout->samples;
+    const texture::FormatInfo* format = pass.color[a].memory.layout ? texture::formatInfo(pass.color[a].format) : nullptr;
+    if (format && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
+      texture::packClearValue(*format, VK_IMAGE_ASPECT_COLOR_BIT, pass.color[a].clear, clearElements[a]);
   }
   depth = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_DEPTH_BIT);
   depthKind = depth.base ? kindOf(pass.depthStencil.format) : std::nullopt;
@@ -148,6 +158,20 @@ void PassExecutor::Impl::forgetPrimitives() {
   collected = 0;
 }
 
+//! The load operations of `count` tiles side by side.
+void PassExecutor::Impl::clearTiles(uint32_t first, uint32_t count) {
+  const raster::TileGrid& grid = bins->grid();
+  const uint32_t x = first % grid.tilesX, y = first / grid.tilesX % grid.tilesY, layer = first / (grid.tilesX * grid.tilesY);
+  const VkRect2D rect = intersect(pass.renderArea, {{int32_t(x * raster::kTileSize), int32_t(y * raster::kTileSize)},
+                                                    {count * raster::kTileSize, raster::kTileSize}});
+  for (uint32_t a = 0; a < pass.colorCount; ++a)
+    if (pass.color[a].memory.layout && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
+      fillAttachment(pass.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer, 1, rect, clearElements[a]);
+  const Attachment& d = pass.depthStencil;
+  if (depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer, 1, rect, d.clear);
+  if (stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer, 1, rect, d.clear);
+}
+
 void PassExecutor::Impl::flush() {
   bool clears = false;
   if (!loaded) {
@@ -157,7 +181,14 @@ void PassExecutor::Impl::flush() {
     clears |= depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
     clears |= stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
   }
-  std::vector<uint32_t> work;
+  // Tiles; and runs of tiles side by side that are only cleared, as one.
+  struct Work {
+    uint32_t tile, count;
+    bool onlyClears;
+  };
+  std::vector<Work> work;
+  uint64_t tiles = 0;
+  const bool merge = clears && !statistics && !(disabled & bit(Idea::LazyClear));
   const raster::TileGrid grid = bins->grid();
   const VkRect2D& area = pass.renderArea;
   if (!isEmpty(area)) {
@@ -167,14 +198,21 @@ void PassExecutor::Impl::flush() {
       for (uint32_t y = y0; y <= y1 && y < grid.tilesY; ++y)
         for (uint32_t x = x0; x <= x1 && x < grid.tilesX; ++x) {
           const uint32_t tile = (l * grid.tilesY + y) * grid.tilesX + x;
-          if (clears || !bins->tile(tile).empty()) work.push_back(tile);
+          const bool empty = bins->tile(tile).empty();
+          if (empty && !clears) continue;
+          ++tiles;
+          if (empty && merge && x > x0 && work.back().onlyClears) ++work.back().count;
+          else work.push_back({tile, 1, empty && merge});
         }
   }
   if (!work.empty()) {
     for (auto& w : tileWorkers) w->begin();
-    pool.parallelFor(uint32_t(work.size()), [&](uint32_t i, unsigned worker) { tileWorkers[worker]->tile(work[i]); });
+    pool.parallelFor(uint32_t(work.size()), [&](uint32_t i, unsigned worker) {
+      if (work[i].onlyClears) clearTiles(work[i].tile, work[i].count);
+      else tileWorkers[worker]->tile(work[i].tile);
+    });
   }
-  counters.tilesTouched += work.size();
+  counters.tilesTouched += tiles;
   loaded = true;
   if (draws.size() > 1) draws.erase(draws.begin(), draws.end() - 1);
   forgetPrimitives();

@@ -28,8 +28,11 @@ struct DrawRecord {
   std::byte push[kMaxPushBytes];
   interp::Tables tables;
   interp::UniformBank bank;
-  std::once_flag oneRecordOnce;  //!< guards the making of:
-  interp::UniformBank oneRecordBank;   //!< for fragment->forOneRecord()
+  struct RowBank {
+    std::once_flag once;         //!< guards the making of:
+    interp::UniformBank bank;
+  };
+  RowBank rowBanks[kRowKinds];   //!< for fragment->forRows()
   raster::DepthRange depthRanges[raster::kMaxViewports];
   const VisibilityTraits* visibility = nullptr;   //!< the pipeline's
   bool leavesViewport = false;   //!< depths may leave the viewport's range; they are clamped to:
@@ -52,6 +55,7 @@ struct AttachmentPlane {
   std::byte* base = nullptr;
   uint64_t samplePitch = 0, layerPitch = 0;
   uint32_t rowElements = 0;      //!< elements from one row of blocks to the next
+  uint32_t elementBytes = 0;
 };
 
 struct TileWorker;
@@ -68,6 +72,7 @@ struct PassExecutor::Impl {
   bool open = false;
   uint32_t samples = 1;
   AttachmentPlane colorPlanes[kMaxColorAttachments], depth, stencil;
+  std::byte clearElements[kMaxColorAttachments][32];   //!< clear values as they are stored, where the load operation clears
   std::optional<raster::DepthKind> depthKind;   //!< how depth is stored, if tiles can deal with it
   Ideas disabled;
   std::deque<std::unique_ptr<DrawRecord>> draws;
@@ -93,6 +98,7 @@ struct PassExecutor::Impl {
   bool fits(const GraphicsState& state) const;
   void countFrontEnd(PipelineStatistics& statistics, bool add) const;
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
+  void clearTiles(uint32_t first, uint32_t count);
   void resolve();
   void printCounters() const;
   void forgetPrimitives();
@@ -104,5 +110,8 @@ inline bool isEmpty(const VkRect2D& r) { return !r.extent.width || !r.extent.hei
 //! Fills a rectangle of an attachment's layers [baseLayer, baseLayer + layerCount) of the view with one element.
 void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
                     const VkClearValue& value);
+//! The same with an element as it is stored.
+void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
+                    const std::byte* element);
 
 }  // namespace pumice::pipeline

@@ -171,8 +171,9 @@ std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, cons
   return findOrMake(p.fragmentVariants, key, "fragment", [&] { return buildFragmentRoutine(p, key); });
 }
 
-const FragmentRoutine* FragmentRoutine::forOneRecord() const {
+const FragmentRoutine* FragmentRoutine::forRows(Rows kind) const {
   constexpr uint32_t kRows = 256;   // of 128 lanes: some 30,000 pixels, which cost more than to compile
+  Sibling* sibling = siblings[size_t(kind)].get();
   if (!sibling) return nullptr;
   if (const FragmentRoutine* ready = sibling->ready.load(std::memory_order_acquire)) return ready;
   if (sibling->rows.load(std::memory_order_relaxed) > kRows || sibling->rows.fetch_add(1, std::memory_order_relaxed) < kRows) return nullptr;

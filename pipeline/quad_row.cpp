@@ -27,6 +27,20 @@ constexpr LaneWords kLaneWords = [] {
   return t;
 }();
 
+//! Places of a tile's pixels block by block (raster::blockNumber), for one column or row of 16x16 squares.
+struct SquarePlaces {
+  alignas(64) float x[4][256] = {}, y[4][256] = {};
+};
+constexpr SquarePlaces kSquarePlaces = [] {
+  SquarePlaces p;
+  for (uint32_t square = 0; square < 4; ++square)
+    for (uint32_t lane = 0; lane < 256; ++lane) {
+      p.x[square][lane] = float(square * 16 + (lane >> 4 & 3) * 4) + kPlaceX[lane & 15];
+      p.y[square][lane] = float(square * 16 + (lane >> 6) * 4) + kPlaceY[lane & 15];
+    }
+  return p;
+}();
+
 // Four lanes at once, on any processor (GCC and Clang know vectors).
 typedef float Float4 __attribute__((vector_size(16)));
 typedef uint32_t Word4 __attribute__((vector_size(16)));
@@ -54,14 +68,36 @@ void QuadRow::setPlanes(uint32_t layer) {
     pitches_[pitchCount_] = rowElements;
     return pitchCount_++;
   };
+  usedPlaneCount_ = 0;
+  wholePlanesReady_ = false;
   const auto put = [&](const AttachmentPlane& p, uint32_t first) {
     if (!p.base) return;
-    const uint32_t* elements = elements_[pitchIndex(p.rowElements)];
-    for (uint32_t s = 0; s < pass_.samples; ++s) planes_[first + s] = {p.base + layer * p.layerPitch + s * p.samplePitch, elements};
+    const uint32_t pitch = pitchIndex(p.rowElements);
+    const uint32_t* elements = elements_[pitch];
+    for (uint32_t s = 0; s < pass_.samples; ++s) {
+      planes_[first + s] = {p.base + layer * p.layerPitch + s * p.samplePitch, elements};
+      usedPlanes_[usedPlaneCount_++] = {first + s, pitch, p.elementBytes};
+    }
   };
   for (uint32_t a = 0; a < kMaxColorAttachments; ++a) put(pass_.colorPlanes[a], colorPlane(a, 0, pass_.samples));
   put(pass_.depth, depthPlane(0, pass_.samples));
   put(pass_.stencil, stencilPlane(0, pass_.samples));
+}
+
+void QuadRow::setWholePlanes() {
+  wholePlanesReady_ = true;
+  for (uint32_t i = 0; i < pitchCount_; ++i) {
+    if (!tileElements_[i].empty() && tileElementsPitch_[i] == pitches_[i]) continue;
+    tileElementsPitch_[i] = pitches_[i];
+    tileElements_[i].resize(raster::kBlocksPerTile * 4);
+    for (uint32_t quad = 0; quad < raster::kBlocksPerTile * 4; ++quad)
+      tileElements_[i][quad] = (raster::blockY(quad / 4) >> 2) * pitches_[i] + (raster::blockX(quad / 4) >> 2) * 16 + quad % 4 * 4;
+  }
+  for (uint32_t i = 0; i < usedPlaneCount_; ++i) {
+    const UsedPlane& u = usedPlanes_[i];
+    const uint64_t first = uint64_t(tileY_) * (raster::kTileSize / 4) * pitches_[u.pitch] + uint64_t(tileX_) * (raster::kTileSize * 4);
+    wholePlanes_[u.plane].base = planes_[u.plane].base + first * u.elementBytes;
+  }
 }
 
 void QuadRow::setDraw(DrawRecord* draw) {
@@ -79,6 +115,8 @@ void QuadRow::setDraw(DrawRecord* draw) {
   samples_ = draw->constants.samples;
   helpers_ = draw->fragment->needsHelpers;
   counts_ = (draw->occlusion || pass_.statistics) && !draw->settled;
+  whole_ = draw->fragment->hasRows(Rows::Whole) && !counts_ && !pass_.statistics && !draw->query && !(pass_.disabled & bit(Idea::WholeBlocks));
+  if (const uint32_t all = (1u << samples_) - 1; whole_ && wholeCoverage_[0] != all) std::fill(std::begin(wholeCoverage_), std::end(wholeCoverage_), all);
 }
 
 const std::byte* QuadRow::makeRecord(const raster::Primitive& primitive, const DrawRecord& draw) {
@@ -191,12 +229,53 @@ void QuadRow::flush() {
   count_ = 0;
 }
 
+bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* record, bool apart) {
+  if (!whole_) return false;
+  float inverseW[3];   // origin, dx, dy
+  std::memcpy(inverseW, record + raster::kRecordPlanes + 12, sizeof inverseW);
+  const bool flat = inverseW[0] == 1 && inverseW[1] == 0 && inverseW[2] == 0 && draw_->fragment->hasRows(Rows::WholeFlat);
+  const Rows kind = flat ? Rows::WholeFlat : Rows::Whole;
+  const FragmentRoutine* routine = draw_->fragment->forRows(kind);
+  if (!routine) return false;
+  if (!apart && count_)
+    for (uint32_t n = first; n < first + count; ++n)
+      if (pending_[n]) {
+        flush();
+        break;
+      }
+  DrawRecord::RowBank& own = draw_->rowBanks[size_t(kind)];
+  std::call_once(own.once, [&] { own.bank = routine->code->preamble(draw_->tables); });
+  if (!wholePlanesReady_) setWholePlanes();
+  std::fill(std::begin(wholeRecords_), std::end(wholeRecords_), record);
+  interp::ExecContext context;
+  context.lanes = interp::kMaxLanes;
+  std::fill(std::begin(context.active), std::end(context.active), ~uint64_t(0));
+  context.tables = draw_->tables;
+  context.quadRecords = wholeRecords_;
+  context.tilePlanes = wholePlanes_;
+  context.stop = &pass_.pool.cancelled();
+  void* outputs[2] = {passedRow_, shadedRow_};
+  context.outputs = outputs;
+  for (uint32_t n = first; n < first + count; n += kBlocks) {
+    const uint32_t lane = (n & 15) * 16;
+    const void* inputs[3] = {kSquarePlaces.x[n >> 4 & 3] + lane, kSquarePlaces.y[n >> 6] + lane, wholeCoverage_};
+    context.inputs = inputs;
+    for (uint32_t i = 0; i < usedPlaneCount_; ++i)
+      wholePlanes_[usedPlanes_[i].plane].quadElement = tileElements_[usedPlanes_[i].pitch].data() + n * 4;
+    routine->code->run(own.bank, context);
+  }
+  quads += count * 4;
+  if (!draw_->settled) fragments += count * 16;
+  return true;
+}
+
 void QuadRow::run(interp::ExecContext& context) {
   void* outputs[2] = {passedRow_, shadedRow_};
   context.outputs = outputs;
-  if (const FragmentRoutine* one = oneRecord_ ? draw_->fragment->forOneRecord() : nullptr) {
-    std::call_once(draw_->oneRecordOnce, [&] { draw_->oneRecordBank = one->code->preamble(draw_->tables); });
-    one->code->run(draw_->oneRecordBank, context);
+  if (const FragmentRoutine* one = oneRecord_ ? draw_->fragment->forRows(Rows::OneRecord) : nullptr) {
+    DrawRecord::RowBank& own = draw_->rowBanks[size_t(Rows::OneRecord)];
+    std::call_once(own.once, [&] { own.bank = one->code->preamble(draw_->tables); });
+    one->code->run(own.bank, context);
   } else {
     draw_->fragment->code->run(draw_->bank, context);
   }

@@ -10,6 +10,7 @@ class QuadRow {
  public:
   static constexpr uint32_t kQuads = interp::kMaxLanes / 4;
   static constexpr uint32_t kMaxPitches = kMaxColorAttachments + 2;
+  static constexpr uint32_t kBlocks = kQuads / 4;   //!< of a row of whole blocks
 
   explicit QuadRow(PassExecutor::Impl& pass) : pass_(pass) {}
   //! Once per flush of the pass: where the attachments lie.
@@ -17,6 +18,7 @@ class QuadRow {
   //! The tile that quads come from now. The row is empty.
   void setTile(uint32_t tileX, uint32_t tileY, uint32_t layer) {
     tileX_ = tileX, tileY_ = tileY;
+    wholePlanesReady_ = false;
     if (layer != planesLayer_) setPlanes(layer);
   }
   //! Quads come from this draw now.
@@ -26,6 +28,11 @@ class QuadRow {
   //! order: a row runs before a quad comes again. `apart`: no pixel ever comes twice, so that need not be looked at.
   void add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte* record, bool apart);
   void flush();
+  //! The same for blocks [first, first + count) of the tile, multiples of kBlocks, all covered: they are rows of their own and run at
+  //! once. False: nothing was done, the draw has no routine for such rows (yet).
+  bool addWholeRows(uint32_t first, uint32_t count, const std::byte* record, bool apart);
+  //! Whether it may ever do so for the draw at hand.
+  bool takesWholeRows() const { return whole_; }
 
   //! A primitive's record in this tile. `generation` says which records are still there. Null: out of memory.
   const std::byte* makeRecord(const raster::Primitive& primitive, const DrawRecord& draw);
@@ -36,6 +43,7 @@ class QuadRow {
 
  private:
   void setPlanes(uint32_t layer);
+  void setWholePlanes();
   void addQuad(uint32_t quad, uint32_t lanes, uint32_t block, float x, float y, const uint16_t* masks, const std::byte* record);
   void addWhole(uint32_t block, float x, float y, const std::byte* record);
   void run(interp::ExecContext& context);
@@ -69,6 +77,16 @@ class QuadRow {
   alignas(64) uint32_t shadedRow_[interp::kMaxLanes] = {};
   alignas(64) uint32_t elements_[kMaxPitches][kQuads] = {};
   interp::TilePlane planes_[interp::kMaxTilePlanes];
+  // Rows of whole blocks: quads' elements relative to the tile's first, planes from there on.
+  struct UsedPlane { uint32_t plane, pitch, elementBytes; };
+  bool whole_ = false, wholePlanesReady_ = false;
+  std::vector<uint32_t> tileElements_[kMaxPitches];
+  uint32_t tileElementsPitch_[kMaxPitches] = {};
+  UsedPlane usedPlanes_[interp::kMaxTilePlanes];
+  uint32_t usedPlaneCount_ = 0;
+  interp::TilePlane wholePlanes_[interp::kMaxTilePlanes];
+  const std::byte* wholeRecords_[kQuads] = {};
+  alignas(64) uint32_t wholeCoverage_[interp::kMaxLanes] = {};
   // For shading per sample
   alignas(64) float sampleX_[interp::kMaxLanes] = {};
   alignas(64) float sampleY_[interp::kMaxLanes] = {};

@@ -28,12 +28,21 @@ struct VertexKey {
   bool operator==(const VertexKey&) const = default;
 };
 
+//! What the rows that a fragment routine is run for have in common.
+enum class Rows : uint8_t {
+  Any,
+  OneRecord,   //!< all quads have the same record
+  Whole,       //!< also, they are whole blocks of pixels, covered at all samples
+  WholeFlat,   //!< also, 1/w is 1 everywhere
+};
+constexpr uint32_t kRowKinds = 4;
+
 struct FragmentKey {
   ir::Numerics numerics = ir::Numerics::F32;
   bool countSamples = false;                //!< an occlusion query is open
   bool statistics = false;                  //!< shader invocations are counted too
   bool settled = false;                     //!< depth is tested before: coverage is what is visible (opaque runs)
-  bool oneRecord = false;                   //!< all quads of a row have the same record
+  Rows rows = Rows::Any;
   uint8_t depthTiled = 1;
   std::vector<ImageState> images;
   bool operator==(const FragmentKey&) const = default;
@@ -54,9 +63,11 @@ struct VertexRoutine {
 //! With `perSample` it shades one sample: 0 and 1 are that sample's place, 3 = its number (i32), 4 and 5 = the pixel's
 //! centre, planes of sample 0 are that sample's, and bit 0 of the output is its result.
 struct FragmentRoutine {
-  //! The same for rows whose quads have one record: what is read from it is then one value for all lanes. Made when so many rows of the
+  //! The same for rows of a kind: what is read from their one record is then one value for all lanes. Made when so many rows of the
   //! kind have come that it pays. Null until then, and where it does not pay. May be called by any number of threads.
-  const FragmentRoutine* forOneRecord() const;
+  const FragmentRoutine* forRows(Rows kind) const;
+  //! Whether there may ever be one.
+  bool hasRows(Rows kind) const { return siblings[size_t(kind)] != nullptr; }
   struct Sibling {
     std::once_flag once;
     std::atomic<uint32_t> rows{0};
@@ -64,7 +75,7 @@ struct FragmentRoutine {
     std::unique_ptr<FragmentRoutine> routine;
     std::function<std::unique_ptr<FragmentRoutine>()> make;   //!< null if it cannot be made
   };
-  std::unique_ptr<Sibling> sibling;
+  std::unique_ptr<Sibling> siblings[kRowKinds];   //!< by Rows; of Any: null
   std::unique_ptr<interp::Executable> code;
   std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
   bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes

@@ -9,18 +9,52 @@
 namespace pumice::pipeline {
 
 TileWorker::TileWorker(PassExecutor::Impl& pass, Ideas disabled)
-    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), row_(pass), visibility_(hiZ_) {}
+    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), lazyClear_(!(disabled & bit(Idea::LazyClear))), row_(pass), visibility_(hiZ_) {}
 
 void TileWorker::loadOps(const VkRect2D& rect) {
   const PassBegin& p = pass_.pass;
   for (uint32_t a = 0; a < p.colorCount; ++a)
     if (p.color[a].memory.layout && p.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
-      fillAttachment(p.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, rect, p.color[a].clear);
+      lateClears_ |= 1u << a;
+  if (!lazyClear_) finishClears();
   const Attachment& d = p.depthStencil;
   if (!d.memory.layout) return;
   if (pass_.depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) loadDepth(rect);
   if (pass_.stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
     fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer_, 1, rect, d.clear);
+}
+
+void TileWorker::finishClears(const uint64_t* written, uint32_t colors) {
+  for (uint32_t left = std::exchange(lateClears_, 0); left; left &= left - 1) {
+    const uint32_t a = uint32_t(std::countr_zero(left));
+    const auto fill = [&](const VkRect2D& r) {
+      fillAttachment(pass_.pass.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, r, pass_.clearElements[a]);
+    };
+    if (!written || !(colors >> a & 1)) {
+      fill(tileRect_);
+      continue;
+    }
+    // Runs of blocks that are not written, row by row; where nothing is written, as one.
+    if (!(written[0] | written[1] | written[2] | written[3])) {
+      fill(tileRect_);
+      continue;
+    }
+    const int32_t left0 = int32_t(tileX_ * raster::kTileSize), top = int32_t(tileY_ * raster::kTileSize);
+    for (uint32_t y = 0; y < raster::kTileSize; y += 4)
+      for (uint32_t x = 0; x < raster::kTileSize;) {
+        const auto isWritten = [&](uint32_t at) {
+          const uint32_t n = raster::blockNumber(at, y);
+          return (written[n >> 6] >> (n & 63) & 1) != 0;
+        };
+        uint32_t end = x;
+        while (end < raster::kTileSize && !isWritten(end)) end += 4;
+        if (end > x) {
+          const VkRect2D r = intersect(tileRect_, {{left0 + int32_t(x), top + int32_t(y)}, {end - x, 4}});
+          if (!isEmpty(r)) fill(r);
+        }
+        x = end + 4;
+      }
+  }
 }
 
 // Blocks that are cleared as a whole need no memory to say so.
@@ -78,7 +112,8 @@ void TileWorker::tile(uint32_t index) {
   }
   visibility_.begin(tileX_, tileY_, pass_.samples, depth, pass_.statistics);
   const VkRect2D tileRect{{int32_t(tileX_ * raster::kTileSize), int32_t(tileY_ * raster::kTileSize)}, {raster::kTileSize, raster::kTileSize}};
-  const VkRect2D rect = intersect(pass_.pass.renderArea, tileRect);
+  const VkRect2D rect = tileRect_ = intersect(pass_.pass.renderArea, tileRect);
+  lateClears_ = 0;
   if (!pass_.loaded && !isEmpty(rect)) loadOps(rect);
   if (pass_.statistics) countBytes(rect);
 
@@ -105,6 +140,7 @@ void TileWorker::tile(uint32_t index) {
     }
   }
   settle();
+  finishClears();
   visibility_.materialise();
   row_.setDraw(nullptr);
   draw_ = nullptr;
@@ -116,6 +152,7 @@ void TileWorker::clear(const DrawRecord& draw, const VkRect2D& rect) {
   const VkClearAttachment& c = draw.clear;
   if (isEmpty(r)) return;
   settle();
+  finishClears();
   row_.setDraw(nullptr);
   draw_ = nullptr;
   if (c.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT)
@@ -162,8 +199,14 @@ void TileWorker::opaque(DrawRecord& draw, const raster::Primitive& primitive) {
 
 void TileWorker::settle() {
   if (!run_) return;
+  const uint32_t colors = run_->visibility->colors;
   setOpaqueDraw(nullptr);
   if (!visibility_.pending()) return;
+  if (lateClears_) {
+    uint64_t written[raster::kBlocksPerTile / 64];
+    visibility_.ownedBlocks(written);
+    finishClears(written, colors);
+  }
   const raster::Visibility::Winners winners = visibility_.takeWinners();
   for (size_t i = 0; i < winners.items.size(); ++i) {
     const raster::Visibility::Item& item = winners.items[i];
@@ -186,6 +229,17 @@ void TileWorker::settle() {
       e.recordGeneration = row_.generation();
     }
     if (!e.record) continue;
+    if (item.blocks > 1) {
+      uint32_t blocks = item.blocks;
+      for (; i + 1 < winners.items.size(); ++i, blocks += winners.items[i].blocks) {
+        const raster::Visibility::Item& next = winners.items[i + 1];
+        if (next.entry != item.entry || next.blocks == 1 || next.block != item.block + blocks) break;
+      }
+      if (row_.addWholeRows(item.block, blocks, e.record, true)) continue;
+      for (uint32_t n = item.block; n < item.block + blocks; ++n)
+        row_.add(tileX_ * raster::kTileSize + raster::blockX(n), tileY_ * raster::kTileSize + raster::blockY(n), winners.masks + item.masks, e.record, true);
+      continue;
+    }
     row_.add(tileX_ * raster::kTileSize + raster::blockX(item.block), tileY_ * raster::kTileSize + raster::blockY(item.block),
              winners.masks + item.masks, e.record, true);
   }
@@ -197,6 +251,7 @@ void TileWorker::settle() {
 void TileWorker::other(DrawRecord& draw, const raster::Primitive& primitive) {
   if (&draw != draw_) {
     settle();
+    finishClears();
     if (depthKnown_) visibility_.materialise();
     row_.setDraw(&draw);
     draw_ = &draw;
@@ -214,8 +269,31 @@ void TileWorker::other(DrawRecord& draw, const raster::Primitive& primitive) {
   raster::rasterize(primitive, tileX_, tileY_, pass_.pass.renderArea, draw.constants.samples, *this);
 }
 
-bool TileWorker::square(uint32_t x, uint32_t y, uint32_t size, bool) {
-  return rejects_ && size <= 16 && !pass_.statistics && visibility_.othersFail(x, y, size);
+bool TileWorker::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
+  if (size > 16) {
+    if (!whole || !row_.takesWholeRows()) return false;
+    if (!rejects_ && !writes_) {
+      if (!record_ && !(record_ = row_.makeRecord(*primitive_, *draw_))) return true;
+      return row_.addWholeRows(0, raster::kBlocksPerTile, record_, false);
+    }
+    for (uint32_t sy = 0; sy < size; sy += 16)
+      for (uint32_t sx = 0; sx < size; sx += 16) {
+        if (square(x + sx, y + sy, 16, true)) continue;
+        uint16_t masks[16];
+        std::fill(std::begin(masks), std::end(masks), uint16_t(0xffff));
+        for (uint32_t n = 0; n < 16; ++n) block(x + sx + raster::blockX(n), y + sy + raster::blockY(n), masks);
+      }
+    return true;
+  }
+  if (rejects_ && !pass_.statistics && visibility_.othersFail(x, y, size)) return true;
+  if (!whole || !row_.takesWholeRows()) return false;
+  const uint32_t first = raster::blockNumber(x & (raster::kTileSize - 1), y & (raster::kTileSize - 1));
+  for (uint32_t n = first; rejects_ && n < first + 16; ++n)
+    if (visibility_.otherFails(n)) return false;
+  if (!record_ && !(record_ = row_.makeRecord(*primitive_, *draw_))) return true;
+  if (!row_.addWholeRows(first, 16, record_, false)) return false;
+  for (uint32_t n = first; writes_ && n < first + 16; ++n) visibility_.otherWrote(n);
+  return true;
 }
 
 void TileWorker::block(uint32_t x, uint32_t y, const uint16_t* masks) {

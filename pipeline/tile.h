@@ -23,6 +23,8 @@ struct TileWorker final : raster::BlockSink {
   void loadDepth(const VkRect2D& rect);
   void countBytes(const VkRect2D& rect);
   void clear(const DrawRecord& draw, const VkRect2D& rect);
+  //! Load operations that were put off, but for blocks (bit each) that `colors` are about to be written to as a whole.
+  void finishClears(const uint64_t* written = nullptr, uint32_t colors = 0);
   void opaque(DrawRecord& draw, const raster::Primitive& primitive);
   void other(DrawRecord& draw, const raster::Primitive& primitive);
   void setOpaqueDraw(DrawRecord* draw);
@@ -30,7 +32,9 @@ struct TileWorker final : raster::BlockSink {
   void settle();
 
   PassExecutor::Impl& pass_;
-  const bool hiZ_;
+  const bool hiZ_, lazyClear_;
+  uint32_t lateClears_ = 0;                  //!< colour attachments, bit each, whose load operation is still to be done
+  VkRect2D tileRect_{};                      //!< of the tile, inside of the render area
   uint32_t tileX_ = 0, tileY_ = 0, layer_ = 0;
   QuadRow row_;
   raster::Visibility visibility_;

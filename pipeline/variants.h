@@ -15,7 +15,7 @@ constexpr size_t kMaxVariants = 64;   //!< per stage and pipeline; then the olde
 uint64_t hashImages(std::span<const ImageState> images);
 inline uint64_t hashKey(const VertexKey& k) { return base::hashCombine(uint64_t(k.numerics), hashImages(k.images)); }
 inline uint64_t hashKey(const FragmentKey& k) {
-  return base::hashCombine(uint64_t(k.numerics) | uint64_t(k.countSamples) << 8 | uint64_t(k.statistics) << 9 | uint64_t(k.settled) << 10 | uint64_t(k.oneRecord) << 11 | uint64_t(k.depthTiled) << 16, hashImages(k.images));
+  return base::hashCombine(uint64_t(k.numerics) | uint64_t(k.countSamples) << 8 | uint64_t(k.statistics) << 9 | uint64_t(k.settled) << 10 | uint64_t(k.rows) << 11 | uint64_t(k.depthTiled) << 16, hashImages(k.images));
 }
 
 //! Few entries with short keys: a list in order of making, compared by hash first.

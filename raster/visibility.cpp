@@ -50,6 +50,13 @@ inline uint32_t equalTo(const uint16_t* winners, uint16_t number) {
 #endif
 }
 
+inline bool equalEight(const uint16_t* numbers, uint16_t number) {
+  const uint64_t four = number * uint64_t(0x0001000100010001);
+  uint64_t have[2];
+  std::memcpy(have, numbers, sizeof have);
+  return ((have[0] ^ four) | (have[1] ^ four)) == 0;
+}
+
 // Set bits of up to four masks, in a few operations that every processor has.
 inline uint32_t countBits(const uint16_t* masks, uint32_t count) {
   uint32_t total = 0;
@@ -422,13 +429,31 @@ bool Visibility::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
   return true;
 }
 
+void Visibility::ownedBlocks(uint64_t (&out)[kWords]) const {
+  for (uint32_t w = 0; w < kWords; w++) {
+    out[w] = pending_[w];
+    for (uint64_t set = pending_[w]; set; set &= set - 1)
+      if (owner_[w * 64 + uint32_t(std::countr_zero(set))] == kMixed) out[w] &= ~(set & -set);
+  }
+}
+
 Visibility::Winners Visibility::takeWinners() {
   items_.clear();
   masks_.clear();
   uint64_t kept = 0;
-  const auto put = [&](uint32_t block, uint16_t winner) {
-    items_.push_back({uint16_t(winner - 1), uint16_t(block), uint32_t(masks_.size())});
+  const auto put = [&](uint32_t block, uint16_t winner, uint32_t blocks = 1) {
+    items_.push_back({uint16_t(winner - 1), uint8_t(block), uint8_t(blocks), uint32_t(masks_.size())});
   };
+  for (uint32_t first = 0; first < kBlocksPerTile; first += 8) {
+    uint64_t& word = pending_[first >> 6];
+    const uint16_t owner = owner_[first];
+    if ((word >> (first & 63) & 0xff) != 0xff || owner == kMixed || !equalEight(owner_ + first, owner)) continue;
+    word &= ~(uint64_t(0xff) << (first & 63));
+    std::fill_n(owner_ + first, 8, kNone);
+    put(first, owner, 8);
+    for (uint32_t s = 0; s < samples_; s++) masks_.push_back(0xffff);
+    kept += 8 * 16 * samples_;
+  }
   takeBits(pending_, [&](uint32_t block) {
     const uint16_t owner = std::exchange(owner_[block], kNone);
     if (owner != kMixed) {

@@ -52,9 +52,11 @@ class Visibility final : public BlockSink {
     const std::byte* record;       //!< the primitive's own, if it has one
     DepthEquation depth;
   };
-  //! Winners of one primitive in one block: a mask per sample at `masks`.
+  //! Winners of one primitive in one block: a mask per sample at `masks`. Or in eight blocks from a multiple of eight on, all of them
+  //! whole.
   struct Item {
-    uint16_t entry, block;
+    uint16_t entry;
+    uint8_t block, blocks;
     uint32_t masks;
   };
 
@@ -84,6 +86,8 @@ class Visibility final : public BlockSink {
     const uint16_t* masks;
   };
   Winners takeWinners();
+  //! Bit per block: one primitive wins all of it.
+  void ownedBlocks(uint64_t (&out)[kBlocksPerTile / 64]) const;
   Entry& entry(uint32_t number) { return entries_[number]; }
   //! After takeWinners() and materialise().
   void dropEntries() { entries_.clear(); }

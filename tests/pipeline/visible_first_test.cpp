@@ -99,6 +99,60 @@ void main() {
   }
 }
 
+// Sums, so that every component of what was there counts; a plane of its own for each sample.
+TEST(WholeBlocks, RowsOfWholeBlocksHaveTheSameBitsWithAndWithoutRoutinesOfTheirOwn) {
+  struct Case {
+    VkFormat format;
+    bool blend, perspective;
+    uint32_t samples;
+    VkColorComponentFlags mask = 15;
+  };
+  const Case cases[] = {
+      {VK_FORMAT_R8G8B8A8_UNORM, false, false, 1},      {VK_FORMAT_R8G8B8A8_UNORM, true, true, 1},       {VK_FORMAT_B8G8R8A8_UNORM, true, false, 4},
+      {VK_FORMAT_R16G16B16A16_SFLOAT, false, false, 1}, {VK_FORMAT_R16G16B16A16_SFLOAT, true, false, 1}, {VK_FORMAT_R32G32B32A32_SFLOAT, true, true, 1},
+      {VK_FORMAT_R8_UNORM, true, false, 1},             {VK_FORMAT_R5G6B5_UNORM_PACK16, true, false, 1}, {VK_FORMAT_R8G8B8A8_UNORM, false, false, 1, 5},
+      {VK_FORMAT_R8G8B8A8_SRGB, true, false, 1},        {VK_FORMAT_A2B10G10R10_UNORM_PACK32, true, false, 1}};
+  for (const Case& c : cases) {
+    Scene s(320, 200);
+    Image target(c.format, 320, 200, 1, c.samples);
+    GraphicsState state = s.state();
+    state.colorFormats[0] = c.format;
+    state.samples = c.samples;
+    state.blend[0].blendEnable = c.blend;
+    state.blend[0].colorWriteMask = c.mask;
+    state.blend[0].srcColorBlendFactor = state.blend[0].srcAlphaBlendFactor = VK_BLEND_FACTOR_SRC_ALPHA;
+    state.blend[0].dstColorBlendFactor = state.blend[0].dstAlphaBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
+    auto d = s.drawState(s.pipeline(state, kColorVertex, R"(#version 450
+layout(location = 0) in vec4 color;
+layout(location = 0) out vec4 target;
+void main() { target = color + vec4(dFdx(color.x), gl_FragCoord.x * 0.001, gl_FragCoord.w * 0.25, 0); })"));
+    std::vector<ColorVertex> v;
+    for (float at : {0.0f, 90.0f}) {
+      auto more = triangle(s, {at - 40, -10, at + 500, 20, at, 700}, 0.25f, {1, 0.5f, 0.25f, 0.5f});
+      for (int i = 0; i < 3; i++) {
+        if (c.perspective)
+          for (float& x : more[size_t(i)].position) x *= 1 + float(i);
+        more[size_t(i)].color[i] = -0.1f;
+      }
+      v.insert(v.end(), more.begin(), more.end());
+    }
+    const auto pass = [&](Ideas off) {
+      s.executor.disable(off);
+      s.begin(0.25f, 0.5f, 0.75f, 1);
+      s.pass.color[0].memory = target.memory();
+      s.pass.color[0].format = c.format;
+      s.executor.begin(s.pass);
+      s.draw(d, v);
+      s.end();
+      return std::vector<std::byte>(target.memory().base, target.memory().base + target.layout.size);
+    };
+    const auto before = pass(bit(Idea::WholeBlocks) | bit(Idea::LazyClear));
+    for (int i = 0; i < 4; i++) pass(0);
+    EXPECT_EQ(pass(0), before) << "format " << c.format << ", blend " << c.blend << ", samples " << c.samples;
+    EXPECT_EQ(pass(bit(Idea::VisibleFirst)), before) << "format " << c.format << ", blend " << c.blend << ", samples " << c.samples;
+  }
+}
+
 //! Shaders are few, pipelines many.
 std::shared_ptr<const frontend::Shader> cached(frontend::Stage stage, const std::string& glsl) {
   static std::map<std::string, std::shared_ptr<const frontend::Shader>> known;
@@ -220,7 +274,7 @@ TEST_P(Ablation, RandomPassesHaveTheSameBitsWithEachIdeaOnOrOff) {
   uint64_t hidden = 0, rejected = 0;
   for (uint32_t seed = 0; seed < 4; seed++) {
     const Outcome usual = randomPass(seed, format, samples, kBoth);
-    for (Ideas off : {Ideas(0), bit(Idea::VisibleFirst), bit(Idea::HiZ)}) {
+    for (Ideas off : {Ideas(0), bit(Idea::VisibleFirst), bit(Idea::HiZ), bit(Idea::LazyClear)}) {
       const Outcome other = randomPass(seed, format, samples, off);
       EXPECT_EQ(other.color, usual.color) << "seed " << seed << ", off " << off;
       EXPECT_EQ(other.depth, usual.depth) << "seed " << seed << ", off " << off;
