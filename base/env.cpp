@@ -17,15 +17,15 @@ constexpr EnvInfo kTable[] = {
 #undef PUMICE_ENV_ROW
 };
 
-// The text of each variable that was complained about last: what is read in several places is said once.
+// The text of each variable that was complained about last.
 constinit std::atomic<size_t> complained[std::size(kTable)] = {};
+
+}  // namespace
 
 bool firstComplaint(EnvVar variable, const std::string& text) {
   const size_t mark = std::hash<std::string>{}(text) | 1;
   return complained[int(variable)].exchange(mark, std::memory_order_relaxed) != mark;
 }
-
-}  // namespace
 
 std::span<const EnvInfo> envTable() { return kTable; }
 

@@ -50,6 +50,9 @@ const EnvInfo& envInfo(EnvVar variable);
 // The variable's text; nothing if it is unset or empty (or the process runs with raised privileges).
 std::optional<std::string> envString(EnvVar variable);
 
+// Whether `text`, which cannot be used, is to be complained about: false if it was before. What is read in several places is said once.
+bool firstComplaint(EnvVar variable, const std::string& text);
+
 // A decimal number in [lowest, highest]; anything else is logged as an error and counts as unset.
 std::optional<int64_t> envInteger(EnvVar variable, int64_t lowest, int64_t highest);
 

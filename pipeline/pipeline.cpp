@@ -68,7 +68,8 @@ base::Error in(const char* stage, base::Result<T>&& r) {
 
 ir::Numerics defaultNumerics() {
   const auto wanted = base::envString(base::EnvVar::Numerics);
-  if (wanted && *wanted != "f32" && *wanted != "reference") base::logError("PUMICE_NUMERICS=%s: f32 or reference expected", wanted->c_str());
+  if (wanted && *wanted != "f32" && *wanted != "reference" && base::firstComplaint(base::EnvVar::Numerics, *wanted))
+    base::logError("PUMICE_NUMERICS=%s: f32 or reference expected", wanted->c_str());
   return wanted && *wanted == "reference" ? ir::Numerics::Oracle : ir::Numerics::F32;
 }
 

@@ -100,37 +100,39 @@ Expectation cubeExpectation(int frame) {
 
 #define PUMICE_NEED_WINDOW(run)                                           \
   do {                                                                    \
-    if ((run).missing && !peersRequired()) GTEST_SKIP() << (run).problem; \
+    if ((run).missing) PUMICE_MISS_PEER((run).problem);                   \
     ASSERT_EQ((run).problem, "") << (run).output;                         \
   } while (false)
 
 TEST(Vkcube, WindowEqualsLavapipes) {
-  if (lavapipeManifest().empty()) {
-    if (peersRequired()) FAIL() << "lavapipe is not installed, and PUMICE_REQUIRE_PEERS is set";
-    GTEST_SKIP() << "lavapipe is not installed: nothing to compare with";
-  }
+  if (lavapipeManifest().empty()) PUMICE_MISS_PEER("lavapipe is not installed: nothing to compare with");
   for (int frames : {30, 101}) {
     SCOPED_TRACE(frames);
-    WindowRun tested = runInWindow(vkcube(frames, kImmediate), driverEnvironment(pumiceManifest()));
-    PUMICE_NEED_WINDOW(tested);
-    EXPECT_NE(tested.output.find(testedDeviceName()), std::string::npos) << tested.output;
-    int frame = shows(tested.picture, frames) ? frames : frames - 1;
-    EXPECT_LT(pixelsAgainst(tested.picture, frame), 100u)
-        << "this is neither frame " << frames << " nor the one before";
-    Comparison result;
-    Picture compared;
-    // On a busy machine the last frame's picture may come too late for ours to catch: again.
-    for (int attempt = 0; attempt < 9 && compared.rgba.empty(); ++attempt) {
-      WindowRun peer = runInWindow(vkcube(frame + attempt % 3, kImmediate), driverEnvironment(lavapipeManifest()));
+    // A run may end without its last picture having been seen, and some pictures of lavapipe's never are: what it
+    // shows is what is compared.
+    WindowRun peer, tested;
+    int frame = 0;
+    for (int attempt = 0; attempt < 9 && !frame; ++attempt) {
+      const int last = frames + attempt % 3;
+      peer = runInWindow(vkcube(last, kImmediate), driverEnvironment(lavapipeManifest()));
       PUMICE_NEED_WINDOW(peer);
-      if (!shows(peer.picture, frame)) continue;
-      compared = peer.picture;
-      result = compare(tested.picture, compared, cubeExpectation(frame));
+      for (int shown : {last, last - 1, last - 2})
+        if (!frame && shows(peer.picture, shown)) frame = shown;
     }
-    ASSERT_FALSE(compared.rgba.empty()) << "lavapipe never showed frame " << frame;
+    ASSERT_TRUE(frame) << "lavapipe shows none of the last frames";
+    for (int last : {frame, frame + 1, frame}) {
+      tested = runInWindow(vkcube(last, kImmediate), driverEnvironment(pumiceManifest()));
+      PUMICE_NEED_WINDOW(tested);
+      EXPECT_NE(tested.output.find(testedDeviceName()), std::string::npos) << tested.output;
+      EXPECT_TRUE(shows(tested.picture, last) || shows(tested.picture, last - 1))
+          << "this is neither frame " << last << " nor the one before";
+      if (shows(tested.picture, frame)) break;
+    }
+    ASSERT_TRUE(shows(tested.picture, frame)) << "frame " << frame << " was never caught";
+    Comparison result = compare(tested.picture, peer.picture, cubeExpectation(frame));
     std::string name = "vkcube_" + std::to_string(frames);
     std::cout << name << " (frame " << frame << "): " << result.summary() << "\n";
-    std::string paths = leavePictures(name, tested.picture, compared);
+    std::string paths = leavePictures(name, tested.picture, peer.picture);
     EXPECT_TRUE(result.passed) << result.summary() << "\npictures: " << paths;
     // The same picture against the next frame: the comparison can fail.
     WindowRun other = runInWindow(vkcube(frame + 2, kImmediate), driverEnvironment(lavapipeManifest()));

@@ -20,6 +20,10 @@ struct World {
 World& world();
 void endWorld();
 
+// Says once that there was nothing to compare with. The program then ends as skipped instead of passed.
+void missPeer(const std::string& why);
+bool peerMissed();
+
 }  // namespace pumice::cts
 
 // A missing Pumice is always a failure.
@@ -28,14 +32,17 @@ void endWorld();
     if (!pumice::cts::world().tested) FAIL() << pumice::cts::world().problem; \
   } while (false)
 
-// A missing lavapipe skips the test, or fails it under PUMICE_REQUIRE_PEERS=1.
-#define PUMICE_NEED_PEER()                                                                     \
-  do {                                                                                         \
-    if (!pumice::cts::world().peer) {                                                          \
-      const char* text =                                                                       \
-          "lavapipe is not installed (package mesa-vulkan-drivers): nothing "                  \
-          "to compare with";                                                                   \
-      if (pumice::cts::peersRequired()) FAIL() << text << ", and PUMICE_REQUIRE_PEERS is set"; \
-      GTEST_SKIP() << text;                                                                    \
-    }                                                                                          \
+// What another driver or program is missing for skips the test, or fails it under PUMICE_REQUIRE_PEERS=1.
+#define PUMICE_MISS_PEER(why)                                                              \
+  do {                                                                                     \
+    const std::string text = (why);                                                        \
+    if (pumice::cts::peersRequired()) FAIL() << text << ", and PUMICE_REQUIRE_PEERS is set"; \
+    pumice::cts::missPeer(text);                                                           \
+    GTEST_SKIP() << text;                                                                  \
+  } while (false)
+
+#define PUMICE_NEED_PEER()                                                                                       \
+  do {                                                                                                           \
+    if (!pumice::cts::world().peer)                                                                              \
+      PUMICE_MISS_PEER("lavapipe is not installed (package mesa-vulkan-drivers): nothing to compare with");      \
   } while (false)

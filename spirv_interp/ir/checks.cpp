@@ -11,6 +11,7 @@ unsigned wantedChecks() {
   const auto text = base::envString(base::EnvVar::Check);
   if (!text) return 0;
   unsigned checks = 0;
+  std::string unknown;
   for (size_t at = 0; at <= text->size();) {
     const size_t end = std::min(text->find(',', at), text->size());
     const std::string word = text->substr(at, end - at);
@@ -18,8 +19,10 @@ unsigned wantedChecks() {
     if (word == "bounds") checks |= kCheckBounds;
     else if (word == "nan") checks |= kCheckNan;
     else if (word == "uninit") checks |= kCheckUninit;
-    else base::logError("PUMICE_CHECK: there is no \"%s\"; there are bounds, nan, uninit", word.c_str());
+    else unknown = word;
   }
+  if (!unknown.empty() && base::firstComplaint(base::EnvVar::Check, *text))
+    base::logError("PUMICE_CHECK: there is no \"%s\"; there are bounds, nan, uninit", unknown.c_str());
   return checks;
 }
 

@@ -31,7 +31,6 @@ std::shared_ptr<const Shader> translated(GlslStage stage, const std::string& gls
   auto shader = translate(**module, wanted, "main", constants);
   EXPECT_TRUE(shader.hasValue()) << (shader ? "" : shader.error().message);
   if (!shader) return nullptr;
-  if (getenv("SHOW_IR")) fprintf(stderr, "%s\n", ir::print((*shader)->function).c_str());
   return *shader;
 }
 

@@ -27,7 +27,6 @@ std::shared_ptr<const Shader> translated(const std::string& glsl, bool oldSpirv,
   auto shader = translate(**module, stage == test::GlslStage::Vertex ? Stage::Vertex : Stage::Fragment, "main", {});
   EXPECT_TRUE(shader.hasValue()) << (shader ? "" : shader.error().message);
   if (!shader) return nullptr;
-  if (getenv("SHOW_IR")) fprintf(stderr, "%s\n", ir::print((*shader)->function).c_str());
   return *shader;
 }
 

@@ -60,7 +60,6 @@ std::shared_ptr<const Shader> translatedCompute(std::span<const uint32_t> words)
   auto shader = translate(**module, Stage::Compute, "main", {});
   EXPECT_TRUE(shader.hasValue()) << (shader ? "" : shader.error().message);
   if (!shader) return nullptr;
-  if (getenv("SHOW_IR")) fprintf(stderr, "%s\n", ir::print((*shader)->function).c_str());
   return *shader;
 }
 

@@ -35,7 +35,6 @@ std::shared_ptr<const Shader> translateOk(GlslStage stage, const std::string& so
   EXPECT_TRUE(shader.hasValue()) << (shader ? "" : shader.error().message);
   if (!shader) return nullptr;
   EXPECT_EQ(ir::verify((*shader)->function), "");
-  if (getenv("SHOW_IR")) fprintf(stderr, "%s\n", ir::print((*shader)->function).c_str());
   return *shader;
 }
 
