@@ -36,17 +36,13 @@ struct ComputeScene : Scene {
     layoutInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
     layoutInfo.bindingCount = uint32_t(bindings.size());
     layoutInfo.pBindings = bindings.data();
-    VkDescriptorSetLayout layout = VK_NULL_HANDLE;
-    check(vkCreateDescriptorSetLayout(v, &layoutInfo, nullptr, &layout), "vkCreateDescriptorSetLayout");
-    space.onDestroy([v, layout] { vkDestroyDescriptorSetLayout(v, layout, nullptr); });
+    VkDescriptorSetLayout layout = space.make(layoutInfo);
     VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, uint32_t(buffers.size())};
     VkDescriptorPoolCreateInfo poolInfo{};
     poolInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
     poolInfo.maxSets = poolInfo.poolSizeCount = 1;
     poolInfo.pPoolSizes = &size;
-    VkDescriptorPool descriptors = VK_NULL_HANDLE;
-    check(vkCreateDescriptorPool(v, &poolInfo, nullptr, &descriptors), "vkCreateDescriptorPool");
-    space.onDestroy([v, descriptors] { vkDestroyDescriptorPool(v, descriptors, nullptr); });
+    VkDescriptorPool descriptors = space.make(poolInfo);
     VkDescriptorSetAllocateInfo allocate{};
     allocate.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
     allocate.descriptorPool = descriptors;
@@ -69,8 +65,7 @@ struct ComputeScene : Scene {
     pipelineLayout.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
     pipelineLayout.setLayoutCount = 1;
     pipelineLayout.pSetLayouts = &layout;
-    check(vkCreatePipelineLayout(v, &pipelineLayout, nullptr, &kernel.pipeline.layout), "vkCreatePipelineLayout");
-    space.onDestroy([v, l = kernel.pipeline.layout] { vkDestroyPipelineLayout(v, l, nullptr); });
+    kernel.pipeline.layout = space.make(pipelineLayout);
     VkComputePipelineCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
     info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
@@ -78,9 +73,7 @@ struct ComputeScene : Scene {
     info.stage.module = cachedShader(space, VK_SHADER_STAGE_COMPUTE_BIT, glsl);
     info.stage.pName = "main";
     info.layout = kernel.pipeline.layout;
-    check(vkCreateComputePipelines(v, VK_NULL_HANDLE, 1, &info, nullptr, &kernel.pipeline.handle),
-          "vkCreateComputePipelines");
-    space.onDestroy([v, p = kernel.pipeline.handle] { vkDestroyPipeline(v, p, nullptr); });
+    kernel.pipeline.handle = space.make(info);
     kernel.groups[0] = x, kernel.groups[1] = y, kernel.groups[2] = z;
     kernels.push_back(kernel);
   }

@@ -8,7 +8,6 @@ using cts::check;
 
 Target makeTarget(cts::Workspace& workspace, uint32_t width, uint32_t height, VkFormat format) {
   const bool isColour = cts::aspectsOf(format) == VK_IMAGE_ASPECT_COLOR_BIT;
-  VkDevice device = workspace.device.handle;
   Target target;
   cts::ImageSpec spec;
   spec.format = format;
@@ -48,19 +47,9 @@ Target makeTarget(cts::Workspace& workspace, uint32_t width, uint32_t height, Vk
   passInfo.pSubpasses = &subpass;
   passInfo.dependencyCount = uint32_t(dependencies.size());
   passInfo.pDependencies = dependencies.data();
-  check(vkCreateRenderPass(device, &passInfo, nullptr, &target.pass), "vkCreateRenderPass");
-  workspace.onDestroy([device, p = target.pass] { vkDestroyRenderPass(device, p, nullptr); });
+  target.pass = workspace.make(passInfo);
 
-  VkFramebufferCreateInfo frame{};
-  frame.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO;
-  frame.renderPass = target.pass;
-  frame.attachmentCount = 1;
-  frame.pAttachments = &target.view;
-  frame.width = width;
-  frame.height = height;
-  frame.layers = 1;
-  check(vkCreateFramebuffer(device, &frame, nullptr, &target.framebuffer), "vkCreateFramebuffer");
-  workspace.onDestroy([device, f = target.framebuffer] { vkDestroyFramebuffer(device, f, nullptr); });
+  target.framebuffer = workspace.framebufferOf(target.pass, {target.view}, {width, height});
   return target;
 }
 

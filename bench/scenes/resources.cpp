@@ -144,11 +144,7 @@ VkSampler makeSampler(cts::Workspace& workspace, const SamplerSpec& spec) {
   info.compareOp = VK_COMPARE_OP_LESS_OR_EQUAL;
   info.maxLod = VK_LOD_CLAMP_NONE;
   info.borderColor = VK_BORDER_COLOR_FLOAT_OPAQUE_WHITE;
-  VkSampler made = VK_NULL_HANDLE;
-  VkDevice device = workspace.device.handle;
-  check(vkCreateSampler(device, &info, nullptr, &made), "vkCreateSampler");
-  workspace.onDestroy([device, made] { vkDestroySampler(device, made, nullptr); });
-  return made;
+  return workspace.make(info);
 }
 
 cts::Binding sampledImage(VkImageView view, VkSampler sampler) {

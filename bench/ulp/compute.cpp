@@ -72,10 +72,7 @@ class Driver final : public ComputeDriver {
       bindings[k] = {k, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
     VkDescriptorSetLayoutCreateInfo setInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0,
                                             3, bindings};
-    VkDescriptorSetLayout setLayout = VK_NULL_HANDLE;
-    check(vkCreateDescriptorSetLayout(device_.handle, &setInfo, nullptr, &setLayout),
-          "vkCreateDescriptorSetLayout");
-    w.onDestroy([=, this] { vkDestroyDescriptorSetLayout(device_.handle, setLayout, nullptr); });
+    VkDescriptorSetLayout setLayout = w.make(setInfo);
 
     struct Push {
       uint32_t count, calls;
@@ -84,9 +81,7 @@ class Driver final : public ComputeDriver {
     const VkPushConstantRange range{VK_SHADER_STAGE_COMPUTE_BIT, 0, sizeof push};
     VkPipelineLayoutCreateInfo layoutInfo{
         VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout, 1, &range};
-    VkPipelineLayout layout = VK_NULL_HANDLE;
-    check(vkCreatePipelineLayout(device_.handle, &layoutInfo, nullptr, &layout), "vkCreatePipelineLayout");
-    w.onDestroy([=, this] { vkDestroyPipelineLayout(device_.handle, layout, nullptr); });
+    VkPipelineLayout layout = w.make(layoutInfo);
 
     VkComputePipelineCreateInfo pipelineInfo{};
     pipelineInfo.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
@@ -95,17 +90,12 @@ class Driver final : public ComputeDriver {
     pipelineInfo.stage.module = w.shader(VK_SHADER_STAGE_COMPUTE_BIT, glsl);
     pipelineInfo.stage.pName = "main";
     pipelineInfo.layout = layout;
-    VkPipeline pipeline = VK_NULL_HANDLE;
-    check(vkCreateComputePipelines(device_.handle, VK_NULL_HANDLE, 1, &pipelineInfo, nullptr, &pipeline),
-          "vkCreateComputePipelines");
-    w.onDestroy([=, this] { vkDestroyPipeline(device_.handle, pipeline, nullptr); });
+    VkPipeline pipeline = w.make(pipelineInfo);
 
     const VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 3};
     VkDescriptorPoolCreateInfo poolInfo{
         VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 1, &size};
-    VkDescriptorPool pool = VK_NULL_HANDLE;
-    check(vkCreateDescriptorPool(device_.handle, &poolInfo, nullptr, &pool), "vkCreateDescriptorPool");
-    w.onDestroy([=, this] { vkDestroyDescriptorPool(device_.handle, pool, nullptr); });
+    VkDescriptorPool pool = w.make(poolInfo);
     VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1,
                                          &setLayout};
     VkDescriptorSet set = VK_NULL_HANDLE;

@@ -97,20 +97,9 @@ Canvas::Canvas(Device& d, uint32_t w, uint32_t h, VkFormat depthFormatWanted,
   passInfo.pSubpasses = &subpass;
   passInfo.dependencyCount = uint32_t(dependencies.size());
   passInfo.pDependencies = dependencies.data();
-  VkDevice v = device.handle;
-  check(vkCreateRenderPass(v, &passInfo, nullptr, &renderPass), "vkCreateRenderPass");
-  onDestroy([v, p = renderPass] { vkDestroyRenderPass(v, p, nullptr); });
+  renderPass = make(passInfo);
 
-  VkFramebufferCreateInfo frame{};
-  frame.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO;
-  frame.renderPass = renderPass;
-  frame.attachmentCount = uint32_t(views.size());
-  frame.pAttachments = views.data();
-  frame.width = width;
-  frame.height = height;
-  frame.layers = 1;
-  check(vkCreateFramebuffer(v, &frame, nullptr, &framebuffer), "vkCreateFramebuffer");
-  onDestroy([v, f = framebuffer] { vkDestroyFramebuffer(v, f, nullptr); });
+  framebuffer = framebufferOf(renderPass, views, {width, height});
 
   readback = buffer(VkDeviceSize(width) * height * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
   if (hasDepth) depthReadback = buffer(VkDeviceSize(width) * height * 4, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
@@ -125,8 +114,7 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   layoutInfo.pSetLayouts = spec.sets.data();
   layoutInfo.pushConstantRangeCount = uint32_t(spec.pushConstants.size());
   layoutInfo.pPushConstantRanges = spec.pushConstants.data();
-  check(vkCreatePipelineLayout(v, &layoutInfo, nullptr, &made.layout), "vkCreatePipelineLayout");
-  onDestroy([v, l = made.layout] { vkDestroyPipelineLayout(v, l, nullptr); });
+  made.layout = make(layoutInfo);
 
   std::array<VkPipelineShaderStageCreateInfo, 2> stages{};
   stages[0].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;

@@ -19,6 +19,54 @@ VkImageAspectFlags aspectsOf(VkFormat format) {
   }
 }
 
+namespace {
+
+template <class Handle, class Info>
+Handle made(Workspace& work, VkResult(VKAPI_PTR* create)(VkDevice, const Info*, const VkAllocationCallbacks*, Handle*),
+            void(VKAPI_PTR* destroy)(VkDevice, Handle, const VkAllocationCallbacks*), const Info& info, const char* what) {
+  VkDevice d = work.device.handle;
+  Handle object = VK_NULL_HANDLE;
+  check(create(d, &info, nullptr, &object), what);
+  work.onDestroy([=] { destroy(d, object, nullptr); });
+  return object;
+}
+
+}  // namespace
+
+#define PUMICE_MAKE(Object)                                                                      \
+  Vk##Object Workspace::make(const Vk##Object##CreateInfo& info) {                               \
+    return made<Vk##Object>(*this, vkCreate##Object, vkDestroy##Object, info, "vkCreate" #Object); \
+  }
+PUMICE_PLAIN_OBJECTS(PUMICE_MAKE)
+#undef PUMICE_MAKE
+
+VkRenderPass Workspace::make(const VkRenderPassCreateInfo2& info) {
+  return made<VkRenderPass>(*this, vkCreateRenderPass2, vkDestroyRenderPass, info, "vkCreateRenderPass2");
+}
+
+VkDeviceMemory Workspace::make(const VkMemoryAllocateInfo& info) {
+  return made<VkDeviceMemory>(*this, vkAllocateMemory, vkFreeMemory, info, "vkAllocateMemory");
+}
+
+VkPipeline Workspace::make(const VkComputePipelineCreateInfo& info) {
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vkCreateComputePipelines(device.handle, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateComputePipelines");
+  onDestroy([d = device.handle, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
+  return pipeline;
+}
+
+VkPipeline Workspace::make(const VkGraphicsPipelineCreateInfo& info) {
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vkCreateGraphicsPipelines(device.handle, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateGraphicsPipelines");
+  onDestroy([d = device.handle, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
+  return pipeline;
+}
+
+VkFramebuffer Workspace::framebufferOf(VkRenderPass pass, const std::vector<VkImageView>& views, VkExtent2D extent, uint32_t layers) {
+  return make(VkFramebufferCreateInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, pass, uint32_t(views.size()), views.data(),
+                                      extent.width, extent.height, layers});
+}
+
 Workspace::~Workspace() {
   device.waitIdle();
   for (auto undo = undoList.rbegin(); undo != undoList.rend(); ++undo) (*undo)();
@@ -33,8 +81,7 @@ Buffer Workspace::buffer(VkDeviceSize size, VkBufferUsageFlags usage, const void
   info.size = size;
   info.usage = usage;
   info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
-  check(vkCreateBuffer(d, &info, nullptr, &made.handle), "vkCreateBuffer");
-  onDestroy([d, b = made.handle] { vkDestroyBuffer(d, b, nullptr); });
+  made.handle = make(info);
 
   VkMemoryRequirements needs{};
   vkGetBufferMemoryRequirements(d, made.handle, &needs);
@@ -43,9 +90,7 @@ Buffer Workspace::buffer(VkDeviceSize size, VkBufferUsageFlags usage, const void
   allocate.allocationSize = needs.size;
   allocate.memoryTypeIndex = device.memoryType(
       needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT);
-  VkDeviceMemory memory = VK_NULL_HANDLE;
-  check(vkAllocateMemory(d, &allocate, nullptr, &memory), "vkAllocateMemory");
-  onDestroy([d, memory] { vkFreeMemory(d, memory, nullptr); });
+  VkDeviceMemory memory = make(allocate);
   check(vkBindBufferMemory(d, made.handle, memory, 0), "vkBindBufferMemory");
   void* mapped = nullptr;
   check(vkMapMemory(d, memory, 0, VK_WHOLE_SIZE, 0, &mapped), "vkMapMemory");
@@ -72,8 +117,7 @@ Image Workspace::image(const ImageSpec& spec) {
   info.usage = spec.usage;
   info.sharingMode = VK_SHARING_MODE_EXCLUSIVE;
   info.initialLayout = VK_IMAGE_LAYOUT_UNDEFINED;
-  check(vkCreateImage(d, &info, nullptr, &made.handle), "vkCreateImage");
-  onDestroy([d, i = made.handle] { vkDestroyImage(d, i, nullptr); });
+  made.handle = make(info);
 
   VkMemoryRequirements needs{};
   vkGetImageMemoryRequirements(d, made.handle, &needs);
@@ -81,8 +125,7 @@ Image Workspace::image(const ImageSpec& spec) {
   allocate.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
   allocate.allocationSize = needs.size;
   allocate.memoryTypeIndex = device.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_DEVICE_LOCAL_BIT);
-  check(vkAllocateMemory(d, &allocate, nullptr, &made.memory), "vkAllocateMemory");
-  onDestroy([d, m = made.memory] { vkFreeMemory(d, m, nullptr); });
+  made.memory = make(allocate);
   check(vkBindImageMemory(d, made.handle, made.memory, 0), "vkBindImageMemory");
   return made;
 }
@@ -97,10 +140,7 @@ VkImageView Workspace::view(const Image& image, VkImageAspectFlags aspects) {
                       : (image.spec.layers > 1 ? VK_IMAGE_VIEW_TYPE_2D_ARRAY : VK_IMAGE_VIEW_TYPE_2D);
   info.format = image.spec.format;
   info.subresourceRange = {aspects ? aspects : image.aspects, 0, image.spec.mips, 0, image.spec.layers};
-  VkImageView made = VK_NULL_HANDLE;
-  check(vkCreateImageView(device.handle, &info, nullptr, &made), "vkCreateImageView");
-  onDestroy([d = device.handle, made] { vkDestroyImageView(d, made, nullptr); });
-  return made;
+  return make(info);
 }
 
 VkSampler Workspace::sampler(VkFilter filter, VkSamplerAddressMode mode) {
@@ -111,10 +151,7 @@ VkSampler Workspace::sampler(VkFilter filter, VkSamplerAddressMode mode) {
   info.addressModeU = info.addressModeV = info.addressModeW = mode;
   info.maxAnisotropy = 1;
   info.borderColor = VK_BORDER_COLOR_FLOAT_OPAQUE_WHITE;
-  VkSampler made = VK_NULL_HANDLE;
-  check(vkCreateSampler(device.handle, &info, nullptr, &made), "vkCreateSampler");
-  onDestroy([d = device.handle, made] { vkDestroySampler(d, made, nullptr); });
-  return made;
+  return make(info);
 }
 
 VkShaderModule Workspace::shader(VkShaderStageFlagBits stage, const std::string& glsl, ShaderTarget target) {
@@ -126,10 +163,7 @@ VkShaderModule Workspace::shader(const std::vector<uint32_t>& words) {
   info.sType = VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO;
   info.codeSize = words.size() * sizeof(uint32_t);
   info.pCode = words.data();
-  VkShaderModule made = VK_NULL_HANDLE;
-  check(vkCreateShaderModule(device.handle, &info, nullptr, &made), "vkCreateShaderModule");
-  onDestroy([d = device.handle, made] { vkDestroyShaderModule(d, made, nullptr); });
-  return made;
+  return make(info);
 }
 
 DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
@@ -148,17 +182,14 @@ DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
   layoutInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
   layoutInfo.bindingCount = uint32_t(layout.size());
   layoutInfo.pBindings = layout.data();
-  check(vkCreateDescriptorSetLayout(d, &layoutInfo, nullptr, &made.layout), "vkCreateDescriptorSetLayout");
-  onDestroy([d, l = made.layout] { vkDestroyDescriptorSetLayout(d, l, nullptr); });
+  made.layout = make(layoutInfo);
 
   VkDescriptorPoolCreateInfo poolInfo{};
   poolInfo.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO;
   poolInfo.maxSets = 1;
   poolInfo.poolSizeCount = uint32_t(sizes.size());
   poolInfo.pPoolSizes = sizes.data();
-  VkDescriptorPool pool = VK_NULL_HANDLE;
-  check(vkCreateDescriptorPool(d, &poolInfo, nullptr, &pool), "vkCreateDescriptorPool");
-  onDestroy([d, pool] { vkDestroyDescriptorPool(d, pool, nullptr); });
+  VkDescriptorPool pool = make(poolInfo);
 
   VkDescriptorSetAllocateInfo allocate{};
   allocate.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO;
@@ -177,6 +208,7 @@ DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
     write.descriptorType = bindings[i].type;
     write.pBufferInfo = &bindings[i].buffer;
     write.pImageInfo = &bindings[i].image;
+    write.pTexelBufferView = &bindings[i].texels;
     writes.push_back(write);
   }
   vkUpdateDescriptorSets(d, uint32_t(writes.size()), writes.data(), 0, nullptr);
@@ -184,14 +216,12 @@ DescriptorSet Workspace::descriptors(const std::vector<Binding>& bindings) {
 }
 
 Pipeline Workspace::compute(const std::string& glsl, const std::vector<VkDescriptorSetLayout>& sets) {
-  VkDevice d = device.handle;
   Pipeline made;
   VkPipelineLayoutCreateInfo layoutInfo{};
   layoutInfo.sType = VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO;
   layoutInfo.setLayoutCount = uint32_t(sets.size());
   layoutInfo.pSetLayouts = sets.data();
-  check(vkCreatePipelineLayout(d, &layoutInfo, nullptr, &made.layout), "vkCreatePipelineLayout");
-  onDestroy([d, l = made.layout] { vkDestroyPipelineLayout(d, l, nullptr); });
+  made.layout = make(layoutInfo);
   VkComputePipelineCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
   info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
@@ -199,8 +229,7 @@ Pipeline Workspace::compute(const std::string& glsl, const std::vector<VkDescrip
   info.stage.module = shader(VK_SHADER_STAGE_COMPUTE_BIT, glsl);
   info.stage.pName = "main";
   info.layout = made.layout;
-  check(vkCreateComputePipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &made.handle), "vkCreateComputePipelines");
-  onDestroy([d, p = made.handle] { vkDestroyPipeline(d, p, nullptr); });
+  made.handle = make(info);
   return made;
 }
 

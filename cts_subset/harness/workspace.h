@@ -55,6 +55,12 @@ struct DescriptorSet {
   VkDescriptorSet handle = VK_NULL_HANDLE;
 };
 
+// Objects that one structure describes: vkCreateX takes a VkXCreateInfo.
+#define PUMICE_PLAIN_OBJECTS(X)                                                                                       \
+  X(Buffer) X(BufferView) X(CommandPool) X(DescriptorPool) X(DescriptorSetLayout) X(DescriptorUpdateTemplate) X(Event) \
+  X(Fence) X(Framebuffer) X(Image) X(ImageView) X(PipelineLayout) X(PrivateDataSlot) X(QueryPool) X(RenderPass)        \
+  X(Sampler) X(Semaphore) X(ShaderModule)
+
 class Workspace {
  public:
   explicit Workspace(Device& d) : device(d) {}
@@ -81,6 +87,17 @@ class Workspace {
   // An RGBA8 image ready to be sampled.
   Image texture(uint32_t width, uint32_t height, const std::vector<uint8_t>& rgba,
                 VkFormat format = VK_FORMAT_R8G8B8A8_UNORM);
+
+  // The object that `info` describes; it goes with the workspace. Throws like check().
+#define PUMICE_MAKE(Object) Vk##Object make(const Vk##Object##CreateInfo& info);
+  PUMICE_PLAIN_OBJECTS(PUMICE_MAKE)
+#undef PUMICE_MAKE
+  VkRenderPass make(const VkRenderPassCreateInfo2& info);
+  VkDeviceMemory make(const VkMemoryAllocateInfo& info);
+  VkPipeline make(const VkComputePipelineCreateInfo& info);
+  VkPipeline make(const VkGraphicsPipelineCreateInfo& info);
+
+  VkFramebuffer framebufferOf(VkRenderPass pass, const std::vector<VkImageView>& views, VkExtent2D extent, uint32_t layers = 1);
 
   // Destroys `undo`'s object with the workspace, in reverse order of making.
   void onDestroy(std::function<void()> undo) { undoList.push_back(std::move(undo)); }

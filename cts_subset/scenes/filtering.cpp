@@ -50,10 +50,7 @@ VkSampler samplerOf(Workspace& work, VkFilter filter, VkSamplerMipmapMode mode, 
   info.mipLodBias = bias;
   info.anisotropyEnable = anisotropy > 1;
   info.maxAnisotropy = anisotropy;
-  VkSampler made = VK_NULL_HANDLE;
-  check(vkCreateSampler(work.device.handle, &info, nullptr, &made), "vkCreateSampler");
-  work.onDestroy([d = work.device.handle, made] { vkDestroySampler(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 VkImageView viewAs(Workspace& work, const Image& image, VkImageViewType type) {
@@ -63,10 +60,7 @@ VkImageView viewAs(Workspace& work, const Image& image, VkImageViewType type) {
   info.viewType = type;
   info.format = image.spec.format;
   info.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, VK_REMAINING_MIP_LEVELS, 0, VK_REMAINING_ARRAY_LAYERS};
-  VkImageView made = VK_NULL_HANDLE;
-  check(vkCreateImageView(work.device.handle, &info, nullptr, &made), "vkCreateImageView");
-  work.onDestroy([d = work.device.handle, made] { vkDestroyImageView(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 Binding sampled(VkSampler sampler, VkImageView view) {

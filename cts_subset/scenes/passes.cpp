@@ -61,27 +61,7 @@ VkRenderPass renderPass(Workspace& work, const std::vector<VkAttachmentDescripti
   info.pSubpasses = subpasses.data();
   info.dependencyCount = uint32_t(dependencies.size());
   info.pDependencies = dependencies.data();
-  VkRenderPass made = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreateRenderPass(d, &info, nullptr, &made), "vkCreateRenderPass");
-  work.onDestroy([d, made] { vkDestroyRenderPass(d, made, nullptr); });
-  return made;
-}
-
-VkFramebuffer framebuffer(Workspace& work, VkRenderPass pass, const std::vector<VkImageView>& views, uint32_t width, uint32_t height, uint32_t layers = 1) {
-  VkFramebufferCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO;
-  info.renderPass = pass;
-  info.attachmentCount = uint32_t(views.size());
-  info.pAttachments = views.data();
-  info.width = width;
-  info.height = height;
-  info.layers = layers;
-  VkFramebuffer made = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreateFramebuffer(d, &info, nullptr, &made), "vkCreateFramebuffer");
-  work.onDestroy([d, made] { vkDestroyFramebuffer(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 void begin(VkCommandBuffer commands, VkRenderPass pass, VkFramebuffer target, const VkRect2D& area, const std::vector<VkClearValue>& clears) {
@@ -181,7 +161,7 @@ Picture renderDeferred(Device& device, Variant variant, VkSampleCountFlagBits sa
                                    VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL));
   light.colours.push_back({5, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL});
   VkRenderPass pass = renderPass(canvas, attachments, {geometry, light});
-  VkFramebuffer target = framebuffer(canvas, pass, views, kSize, kSize);
+  VkFramebuffer target = canvas.framebufferOf(pass, views, {kSize, kSize});
 
   auto blend = unblended(4);
   PipelineSpec first;
@@ -267,7 +247,7 @@ Picture renderFeedback(Device& device, Variant variant) {
   subpass.colours = subpass.inputs = {{0, VK_IMAGE_LAYOUT_GENERAL}};
   VkRenderPass pass = renderPass(canvas, {attachment(spec.format, VK_ATTACHMENT_LOAD_OP_CLEAR, VK_ATTACHMENT_STORE_OP_STORE, VK_IMAGE_LAYOUT_UNDEFINED,
                                                      VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL)}, {subpass}, true);
-  VkFramebuffer target = framebuffer(canvas, pass, {view}, kSize, kSize);
+  VkFramebuffer target = canvas.framebufferOf(pass, {view}, {kSize, kSize});
   Binding binding{VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT};
   binding.image = {VK_NULL_HANDLE, view, VK_IMAGE_LAYOUT_GENERAL};
   DescriptorSet set = canvas.descriptors({binding});
@@ -323,14 +303,12 @@ Picture renderLayers(Device& device, Variant variant, bool slices) {
   viewInfo.viewType = VK_IMAGE_VIEW_TYPE_2D_ARRAY;
   viewInfo.format = spec.format;
   viewInfo.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 4};
-  VkImageView view = VK_NULL_HANDLE;
-  check(vkCreateImageView(device.handle, &viewInfo, nullptr, &view), "vkCreateImageView");
-  canvas.onDestroy([d = device.handle, view] { vkDestroyImageView(d, view, nullptr); });
+  VkImageView view = canvas.make(viewInfo);
   SubpassSpec subpass;
   subpass.colours = {{0, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL}};
   VkRenderPass pass = renderPass(canvas, {attachment(spec.format, VK_ATTACHMENT_LOAD_OP_CLEAR, VK_ATTACHMENT_STORE_OP_STORE, VK_IMAGE_LAYOUT_UNDEFINED,
                                                      VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL)}, {subpass});
-  VkFramebuffer target = framebuffer(canvas, pass, {view}, kHalf, kHalf, 4);
+  VkFramebuffer target = canvas.framebufferOf(pass, {view}, {kHalf, kHalf}, 4);
   PipelineSpec draw;
   draw.vertex = std::string(R"(#version 450
 #extension GL_ARB_shader_viewport_layer_array : require
@@ -393,7 +371,7 @@ Picture renderOneDimension(Device& device, Variant variant) {
                                                       VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL)}, {subpass});
   VkRenderPass again = renderPass(canvas, {attachment(spec.format, VK_ATTACHMENT_LOAD_OP_LOAD, VK_ATTACHMENT_STORE_OP_STORE, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL,
                                                       VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL)}, {subpass});
-  VkFramebuffer target = framebuffer(canvas, fresh, {view}, kSize, 1);
+  VkFramebuffer target = canvas.framebufferOf(fresh, {view}, {kSize, 1});
   PipelineSpec draw;
   draw.adjust = [&](PipelineStates& s) { s.renderPass = fresh; };
   Pipeline pipeline = canvas.pipeline(draw);
@@ -432,7 +410,7 @@ Picture renderArea(Device& device, Variant variant) {
   VkRenderPass clear = pass(VK_ATTACHMENT_LOAD_OP_CLEAR, VK_IMAGE_LAYOUT_UNDEFINED, kBetween);
   VkRenderPass clearAgain = pass(VK_ATTACHMENT_LOAD_OP_CLEAR, kBetween, kBetween);
   VkRenderPass load = pass(VK_ATTACHMENT_LOAD_OP_LOAD, kBetween, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
-  VkFramebuffer target = framebuffer(canvas, clear, {view}, kSize, kSize);
+  VkFramebuffer target = canvas.framebufferOf(clear, {view}, {kSize, kSize});
   PipelineSpec draw;
   draw.adjust = [&](PipelineStates& s) { s.renderPass = clear; };
   Pipeline pipeline = canvas.pipeline(draw);

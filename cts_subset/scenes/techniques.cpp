@@ -75,9 +75,7 @@ Picture renderShadowMap(Device& device, Variant variant) {
   samplerInfo.addressModeU = samplerInfo.addressModeV = samplerInfo.addressModeW = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
   samplerInfo.compareEnable = VK_TRUE;
   samplerInfo.compareOp = VK_COMPARE_OP_LESS_OR_EQUAL;
-  VkSampler sampler = VK_NULL_HANDLE;
-  check(vkCreateSampler(device.handle, &samplerInfo, nullptr, &sampler), "vkCreateSampler");
-  canvas.onDestroy([d = device.handle, sampler] { vkDestroySampler(d, sampler, nullptr); });
+  VkSampler sampler = canvas.make(samplerInfo);
   Binding binding{VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER};
   binding.image = {sampler, view, VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL};
   DescriptorSet set = canvas.descriptors({binding});
@@ -101,18 +99,8 @@ Picture renderShadowMap(Device& device, Variant variant) {
   passInfo.pAttachments = &attachment;
   passInfo.pSubpasses = &subpass;
   passInfo.pDependencies = &after;
-  VkRenderPass pass = VK_NULL_HANDLE;
-  check(vkCreateRenderPass(device.handle, &passInfo, nullptr, &pass), "vkCreateRenderPass");
-  canvas.onDestroy([d = device.handle, pass] { vkDestroyRenderPass(d, pass, nullptr); });
-  VkFramebufferCreateInfo frame{};
-  frame.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO;
-  frame.renderPass = pass;
-  frame.attachmentCount = frame.layers = 1;
-  frame.pAttachments = &view;
-  frame.width = frame.height = kMap;
-  VkFramebuffer target = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(device.handle, &frame, nullptr, &target), "vkCreateFramebuffer");
-  canvas.onDestroy([d = device.handle, target] { vkDestroyFramebuffer(d, target, nullptr); });
+  VkRenderPass pass = canvas.make(passInfo);
+  VkFramebuffer target = canvas.framebufferOf(pass, {view}, {kMap, kMap});
 
   PipelineSpec depth;
   depth.vertex = kWorldVertex;

@@ -42,9 +42,7 @@ TEST_P(ApiFeatures, BudgetPrioritiesAndCalibratedTimestamps) {
   for (uint32_t i = 0; i < count; i++) EXPECT_GE(second[i], first[i]) << all[i];
   // A timestamp of the queue lies between two of the device's domain.
   VkQueryPoolCreateInfo queryInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 1, 0};
-  VkQueryPool queries = VK_NULL_HANDLE;
-  check(vkCreateQueryPool(handle(), &queryInfo, nullptr, &queries), "vkCreateQueryPool");
-  work->onDestroy([d = handle(), queries] { vkDestroyQueryPool(d, queries, nullptr); });
+  VkQueryPool queries = work->make(queryInfo);
   device().run([&](VkCommandBuffer c) {
     vkCmdResetQueryPool(c, queries, 0, 1);
     vkCmdWriteTimestamp(c, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 0);
@@ -116,9 +114,7 @@ TEST_P(ApiFeatures, PushDescriptors) {
   VkDescriptorUpdateTemplateEntry entry{1, 0, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 8, 0};
   VkDescriptorUpdateTemplateCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_UPDATE_TEMPLATE_CREATE_INFO, nullptr, 0, 1, &entry,
                                             VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_PUSH_DESCRIPTORS_KHR, setLayout, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0};
-  VkDescriptorUpdateTemplate update = VK_NULL_HANDLE;
-  check(vkCreateDescriptorUpdateTemplate(handle(), &info, nullptr, &update), "vkCreateDescriptorUpdateTemplate");
-  work->onDestroy([d = handle(), update] { vkDestroyDescriptorUpdateTemplate(d, update, nullptr); });
+  VkDescriptorUpdateTemplate update = work->make(info);
   device().run([&](VkCommandBuffer c) {
     vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
     VkDescriptorBufferInfo infos[4] = {{b.u[0].handle, 0, VK_WHOLE_SIZE}, {b.a[0].handle, 0, VK_WHOLE_SIZE}, {b.out.handle, 0, VK_WHOLE_SIZE}, {b.u[1].handle, 0, VK_WHOLE_SIZE}};
@@ -183,9 +179,7 @@ TEST_P(ApiFeatures, InlineUniformBlocksAndUpdateTemplates) {
                                                 {2, 0, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, offsetof(Data, out), 0}};
   VkDescriptorUpdateTemplateCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_UPDATE_TEMPLATE_CREATE_INFO, nullptr, 0, 3, entries,
                                             VK_DESCRIPTOR_UPDATE_TEMPLATE_TYPE_DESCRIPTOR_SET, setLayout, VK_PIPELINE_BIND_POINT_COMPUTE, VK_NULL_HANDLE, 0};
-  VkDescriptorUpdateTemplate update = VK_NULL_HANDLE;
-  check(vkCreateDescriptorUpdateTemplate(handle(), &info, nullptr, &update), "vkCreateDescriptorUpdateTemplate");
-  work->onDestroy([d = handle(), update] { vkDestroyDescriptorUpdateTemplate(d, update, nullptr); });
+  VkDescriptorUpdateTemplate update = work->make(info);
   vkUpdateDescriptorSetWithTemplate(handle(), sets[2], update, &source);
   device().run([&](VkCommandBuffer c) {
     vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
@@ -233,17 +227,13 @@ TEST_P(ApiFeatures, TimelineSemaphoresWithSubmit2) {
   PUMICE_NEED_FEATURE(device().vulkan12.timelineSemaphore && device().vulkan13.synchronization2);
   VkSemaphoreTypeCreateInfo type{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO, nullptr, VK_SEMAPHORE_TYPE_TIMELINE, 5};
   VkSemaphoreCreateInfo info{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &type, 0};
-  VkSemaphore timeline = VK_NULL_HANDLE;
-  check(vkCreateSemaphore(handle(), &info, nullptr, &timeline), "vkCreateSemaphore");
-  work->onDestroy([d = handle(), timeline] { vkDestroySemaphore(d, timeline, nullptr); });
+  VkSemaphore timeline = work->make(info);
   uint64_t value = 0;
   check(vkGetSemaphoreCounterValue(handle(), timeline, &value), "vkGetSemaphoreCounterValue");
   EXPECT_EQ(value, 5u);
   Buffer buffer = work->bufferOf(Words{0}, VK_BUFFER_USAGE_TRANSFER_DST_BIT);
   VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, device().family};
-  VkCommandPool pool = VK_NULL_HANDLE;
-  check(vkCreateCommandPool(handle(), &poolInfo, nullptr, &pool), "vkCreateCommandPool");
-  work->onDestroy([d = handle(), pool] { vkDestroyCommandPool(d, pool, nullptr); });
+  VkCommandPool pool = work->make(poolInfo);
   VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool, VK_COMMAND_BUFFER_LEVEL_PRIMARY, 1};
   VkCommandBuffer commands = VK_NULL_HANDLE;
   check(vkAllocateCommandBuffers(handle(), &allocate, &commands), "vkAllocateCommandBuffers");
@@ -281,13 +271,9 @@ TEST_P(ApiFeatures, TimelineSemaphoresWithSubmit2) {
 TEST_P(ApiFeatures, Synchronization2CommandsAndCopies2) {
   PUMICE_NEED_FEATURE(device().vulkan13.synchronization2);
   VkEventCreateInfo eventInfo{VK_STRUCTURE_TYPE_EVENT_CREATE_INFO, nullptr, 0};
-  VkEvent event = VK_NULL_HANDLE;
-  check(vkCreateEvent(handle(), &eventInfo, nullptr, &event), "vkCreateEvent");
-  work->onDestroy([d = handle(), event] { vkDestroyEvent(d, event, nullptr); });
+  VkEvent event = work->make(eventInfo);
   VkQueryPoolCreateInfo queryInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 2, 0};
-  VkQueryPool queries = VK_NULL_HANDLE;
-  check(vkCreateQueryPool(handle(), &queryInfo, nullptr, &queries), "vkCreateQueryPool");
-  work->onDestroy([d = handle(), queries] { vkDestroyQueryPool(d, queries, nullptr); });
+  VkQueryPool queries = work->make(queryInfo);
   vkResetQueryPool(handle(), queries, 0, 2);
   Words data(64);
   for (uint32_t i = 0; i < 64; i++) data[i] = i * 3;
@@ -379,9 +365,7 @@ TEST_P(ApiFeatures, PipelineCreationCacheControlAndFeedback) {
 TEST_P(ApiFeatures, PrivateDataRequirementsAndFormatFlags) {
   PUMICE_NEED_FEATURE(device().vulkan13.privateData && device().vulkan13.maintenance4);
   VkPrivateDataSlotCreateInfo slotInfo{VK_STRUCTURE_TYPE_PRIVATE_DATA_SLOT_CREATE_INFO, nullptr, 0};
-  VkPrivateDataSlot slot = VK_NULL_HANDLE;
-  check(vkCreatePrivateDataSlot(handle(), &slotInfo, nullptr, &slot), "vkCreatePrivateDataSlot");
-  work->onDestroy([d = handle(), slot] { vkDestroyPrivateDataSlot(d, slot, nullptr); });
+  VkPrivateDataSlot slot = work->make(slotInfo);
   Buffer buffer = work->bufferOf(Words(100), kStorage);
   uint64_t data = 1;
   vkGetPrivateData(handle(), VK_OBJECT_TYPE_BUFFER, uint64_t(buffer.handle), slot, &data);

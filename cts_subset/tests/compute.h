@@ -44,22 +44,14 @@ inline VkPipeline makeCompute(Workspace& work, VkShaderModule module, VkPipeline
   info.stage.pName = "main";
   info.stage.pSpecializationInfo = spec.specialization;
   info.layout = layout;
-  VkPipeline made = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreateComputePipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &made), "vkCreateComputePipelines");
-  work.onDestroy([d, made] { vkDestroyPipeline(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 inline VkDescriptorSetLayout makeSetLayout(Workspace& work, const std::vector<VkDescriptorSetLayoutBinding>& bindings,
                                            VkDescriptorSetLayoutCreateFlags flags = 0, const void* next = nullptr) {
   VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, next, flags,
                                        uint32_t(bindings.size()), bindings.data()};
-  VkDescriptorSetLayout made = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreateDescriptorSetLayout(d, &info, nullptr, &made), "vkCreateDescriptorSetLayout");
-  work.onDestroy([d, made] { vkDestroyDescriptorSetLayout(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 inline VkPipelineLayout makePipelineLayout(Workspace& work, const std::vector<VkDescriptorSetLayout>& sets, uint32_t pushBytes = 0,
@@ -67,21 +59,13 @@ inline VkPipelineLayout makePipelineLayout(Workspace& work, const std::vector<Vk
   VkPushConstantRange range{stages, 0, pushBytes};
   VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, uint32_t(sets.size()), sets.data(),
                                   pushBytes ? 1u : 0u, &range};
-  VkPipelineLayout made = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreatePipelineLayout(d, &info, nullptr, &made), "vkCreatePipelineLayout");
-  work.onDestroy([d, made] { vkDestroyPipelineLayout(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 inline VkDescriptorPool makePool(Workspace& work, const std::vector<VkDescriptorPoolSize>& sizes, uint32_t sets = 4,
                                  VkDescriptorPoolCreateFlags flags = 0, const void* next = nullptr) {
   VkDescriptorPoolCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, next, flags, sets, uint32_t(sizes.size()), sizes.data()};
-  VkDescriptorPool made = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreateDescriptorPool(d, &info, nullptr, &made), "vkCreateDescriptorPool");
-  work.onDestroy([d, made] { vkDestroyDescriptorPool(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 inline VkDescriptorSet makeSet(Workspace& work, VkDescriptorPool pool, VkDescriptorSetLayout layout, const void* next = nullptr) {

@@ -436,10 +436,7 @@ VkBufferView bufferView(Workspace& work, const Buffer& buffer, VkFormat format) 
   info.buffer = buffer.handle;
   info.format = format;
   info.range = VK_WHOLE_SIZE;
-  VkBufferView made = VK_NULL_HANDLE;
-  check(vkCreateBufferView(work.device.handle, &info, nullptr, &made), "vkCreateBufferView");
-  work.onDestroy([d = work.device.handle, made] { vkDestroyBufferView(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 std::vector<glm::vec4> fetchBuffer(Workspace& work, const Buffer& buffer, const ColourFormat& f) {
   Binding b{VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER};

@@ -152,8 +152,7 @@ TEST_P(IndexingFeatures, Compute) {
     buffers[k] = {buffer.handle, 0, VK_WHOLE_SIZE};
     if (kind.made == Made::kTexelBuffer) {
       VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO, nullptr, 0, buffer.handle, format, 0, VK_WHOLE_SIZE};
-      check(vkCreateBufferView(d, &info, nullptr, &texels[k]), "vkCreateBufferView");
-      work.onDestroy([d, view = texels[k]] { vkDestroyBufferView(d, view, nullptr); });
+      texels[k] = work.make(info);
     }
   }
   auto writeAll = [&] {
@@ -225,19 +224,14 @@ TEST_P(AttachmentIndexingFeatures, InputAttachments) {
   passInfo.pAttachments = attachments;
   passInfo.subpassCount = 1;
   passInfo.pSubpasses = &subpass;
-  VkRenderPass renderPass = VK_NULL_HANDLE;
-  check(vkCreateRenderPass(handle(), &passInfo, nullptr, &renderPass), "vkCreateRenderPass");
-  work->onDestroy([d = handle(), renderPass] { vkDestroyRenderPass(d, renderPass, nullptr); });
+  VkRenderPass renderPass = work->make(passInfo);
   std::vector<Image> images;
   VkImageView views[kInputs + 1];
   for (uint32_t i = 0; i <= kInputs; i++) {
     images.push_back(target(kUint, 1, VK_SAMPLE_COUNT_1_BIT, i < kInputs ? VK_IMAGE_USAGE_INPUT_ATTACHMENT_BIT : 0));
     views[i] = work->view(images[i]);
   }
-  VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, renderPass, kInputs + 1, views, kSize.width, kSize.height, 1};
-  VkFramebuffer framebuffer = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
-  work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+  VkFramebuffer framebuffer = work->framebufferOf(renderPass, {std::begin(views), std::end(views)}, kSize);
 
   VkDescriptorSetLayout setLayout = makeSetLayout(*work, {{0, VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT, kInputs, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr}});
   VkPipelineLayout layout = makePipelineLayout(*work, {setLayout}, 16, kGraphics);

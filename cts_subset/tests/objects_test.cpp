@@ -26,10 +26,7 @@ class Objects : public OnDevice {
     info.sType = VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO;
     info.flags = flags;
     info.queueFamilyIndex = device().family;
-    VkCommandPool made = VK_NULL_HANDLE;
-    check(vkCreateCommandPool(handle(), &info, nullptr, &made), "vkCreateCommandPool");
-    work->onDestroy([d = handle(), made] { vkDestroyCommandPool(d, made, nullptr); });
-    return made;
+    return work->make(info);
   }
   VkCommandBuffer commandBuffer(VkCommandPool pool,
                                 VkCommandBufferLevel level = VK_COMMAND_BUFFER_LEVEL_PRIMARY) {
@@ -46,36 +43,24 @@ class Objects : public OnDevice {
     VkFenceCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_FENCE_CREATE_INFO;
     info.flags = signalled ? VK_FENCE_CREATE_SIGNALED_BIT : 0;
-    VkFence made = VK_NULL_HANDLE;
-    check(vkCreateFence(handle(), &info, nullptr, &made), "vkCreateFence");
-    work->onDestroy([d = handle(), made] { vkDestroyFence(d, made, nullptr); });
-    return made;
+    return work->make(info);
   }
   VkSemaphore semaphore() {
     VkSemaphoreCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO;
-    VkSemaphore made = VK_NULL_HANDLE;
-    check(vkCreateSemaphore(handle(), &info, nullptr, &made), "vkCreateSemaphore");
-    work->onDestroy([d = handle(), made] { vkDestroySemaphore(d, made, nullptr); });
-    return made;
+    return work->make(info);
   }
   VkEvent event() {
     VkEventCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_EVENT_CREATE_INFO;
-    VkEvent made = VK_NULL_HANDLE;
-    check(vkCreateEvent(handle(), &info, nullptr, &made), "vkCreateEvent");
-    work->onDestroy([d = handle(), made] { vkDestroyEvent(d, made, nullptr); });
-    return made;
+    return work->make(info);
   }
   VkQueryPool queries(VkQueryType type, uint32_t count) {
     VkQueryPoolCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO;
     info.queryType = type;
     info.queryCount = count;
-    VkQueryPool made = VK_NULL_HANDLE;
-    check(vkCreateQueryPool(handle(), &info, nullptr, &made), "vkCreateQueryPool");
-    work->onDestroy([d = handle(), made] { vkDestroyQueryPool(d, made, nullptr); });
-    return made;
+    return work->make(info);
   }
   void begin(VkCommandBuffer commands, VkCommandBufferUsageFlags flags = 0) {
     VkCommandBufferBeginInfo info{};
@@ -223,25 +208,12 @@ TEST_P(Objects, RenderAreaAndLoadOperations) {
     info.pAttachments = &attachment;
     info.subpassCount = 1;
     info.pSubpasses = &subpass;
-    VkRenderPass made = VK_NULL_HANDLE;
-    check(vkCreateRenderPass(handle(), &info, nullptr, &made), "vkCreateRenderPass");
-    work->onDestroy([d = handle(), made] { vkDestroyRenderPass(d, made, nullptr); });
-    return made;
+    return work->make(info);
   };
   VkRenderPass clearing = renderPass(VK_ATTACHMENT_LOAD_OP_CLEAR);
   VkRenderPass loading = renderPass(VK_ATTACHMENT_LOAD_OP_LOAD);
   VkImageView view = canvas.view(canvas.colourImage());
-  VkFramebufferCreateInfo frame{};
-  frame.sType = VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO;
-  frame.renderPass = clearing;
-  frame.attachmentCount = 1;
-  frame.pAttachments = &view;
-  frame.width = 70;
-  frame.height = 50;
-  frame.layers = 1;
-  VkFramebuffer framebuffer = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(handle(), &frame, nullptr, &framebuffer), "vkCreateFramebuffer");
-  canvas.onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+  VkFramebuffer framebuffer = canvas.framebufferOf(clearing, {view}, {70, 50});
   device().run([&](VkCommandBuffer commands) {
     VkClearValue clear{{{0, 1, 0, 1}}};
     VkRenderPassBeginInfo pass{};

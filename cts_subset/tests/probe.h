@@ -33,10 +33,7 @@ inline VkImageView makeView(Workspace& work, const Image& image, const ViewSpec&
   info.viewType = spec.type;
   info.format = spec.format ? spec.format : image.spec.format;
   info.subresourceRange = {spec.aspect ? spec.aspect : image.aspects, spec.mip, spec.mips, spec.layer, spec.layers};
-  VkImageView made = VK_NULL_HANDLE;
-  check(vkCreateImageView(work.device.handle, &info, nullptr, &made), "vkCreateImageView");
-  work.onDestroy([d = work.device.handle, made] { vkDestroyImageView(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 inline VkSamplerCreateInfo samplerInfo(VkFilter filter = VK_FILTER_NEAREST,
@@ -53,10 +50,7 @@ inline VkSamplerCreateInfo samplerInfo(VkFilter filter = VK_FILTER_NEAREST,
 }
 
 inline VkSampler makeSampler(Workspace& work, const VkSamplerCreateInfo& info) {
-  VkSampler made = VK_NULL_HANDLE;
-  check(vkCreateSampler(work.device.handle, &info, nullptr, &made), "vkCreateSampler");
-  work.onDestroy([d = work.device.handle, made] { vkDestroySampler(d, made, nullptr); });
-  return made;
+  return work.make(info);
 }
 
 inline Binding sampledBinding(VkImageView view, VkSampler sampler, VkImageLayout layout = VK_IMAGE_LAYOUT_GENERAL) {
@@ -106,16 +100,12 @@ void main() {
   auto setInfo = structure<VkDescriptorSetLayoutCreateInfo>(VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO);
   setInfo.bindingCount = uint32_t(layout.size());
   setInfo.pBindings = layout.data();
-  VkDescriptorSetLayout setLayout = VK_NULL_HANDLE;
-  check(vkCreateDescriptorSetLayout(d, &setInfo, nullptr, &setLayout), "vkCreateDescriptorSetLayout");
-  work.onDestroy([d, setLayout] { vkDestroyDescriptorSetLayout(d, setLayout, nullptr); });
+  VkDescriptorSetLayout setLayout = work.make(setInfo);
   auto poolInfo = structure<VkDescriptorPoolCreateInfo>(VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO);
   poolInfo.maxSets = 1;
   poolInfo.poolSizeCount = uint32_t(sizes.size());
   poolInfo.pPoolSizes = sizes.data();
-  VkDescriptorPool pool = VK_NULL_HANDLE;
-  check(vkCreateDescriptorPool(d, &poolInfo, nullptr, &pool), "vkCreateDescriptorPool");
-  work.onDestroy([d, pool] { vkDestroyDescriptorPool(d, pool, nullptr); });
+  VkDescriptorPool pool = work.make(poolInfo);
   VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1, &setLayout};
   VkDescriptorSet set = VK_NULL_HANDLE;
   check(vkAllocateDescriptorSets(d, &allocate, &set), "vkAllocateDescriptorSets");
@@ -136,18 +126,14 @@ void main() {
   layoutInfo.pSetLayouts = &setLayout;
   layoutInfo.pushConstantRangeCount = 1;
   layoutInfo.pPushConstantRanges = &push;
-  VkPipelineLayout pipelineLayout = VK_NULL_HANDLE;
-  check(vkCreatePipelineLayout(d, &layoutInfo, nullptr, &pipelineLayout), "vkCreatePipelineLayout");
-  work.onDestroy([d, pipelineLayout] { vkDestroyPipelineLayout(d, pipelineLayout, nullptr); });
+  VkPipelineLayout pipelineLayout = work.make(layoutInfo);
   auto info = structure<VkComputePipelineCreateInfo>(VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO);
   info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
   info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
   info.stage.module = module;
   info.stage.pName = "main";
   info.layout = pipelineLayout;
-  VkPipeline pipeline = VK_NULL_HANDLE;
-  check(vkCreateComputePipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateComputePipelines");
-  work.onDestroy([d, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
+  VkPipeline pipeline = work.make(info);
   work.device.run([&](VkCommandBuffer commands) {
     fullBarrier(commands);
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
@@ -177,7 +163,6 @@ struct Painting {
 };
 
 inline void paint(Workspace& work, VkImageView view, VkFormat format, const Painting& p) {
-  VkDevice d = work.device.handle;
   VkAttachmentDescription attachment{};
   attachment.format = format;
   attachment.samples = p.samples;
@@ -194,9 +179,7 @@ inline void paint(Workspace& work, VkImageView view, VkFormat format, const Pain
   passInfo.attachmentCount = passInfo.subpassCount = 1;
   passInfo.pAttachments = &attachment;
   passInfo.pSubpasses = &subpass;
-  VkRenderPass pass = VK_NULL_HANDLE;
-  check(vkCreateRenderPass(d, &passInfo, nullptr, &pass), "vkCreateRenderPass");
-  work.onDestroy([d, pass] { vkDestroyRenderPass(d, pass, nullptr); });
+  VkRenderPass pass = work.make(passInfo);
   auto targetInfo = structure<VkFramebufferCreateInfo>(VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO);
   targetInfo.renderPass = pass;
   targetInfo.attachmentCount = 1;
@@ -204,13 +187,9 @@ inline void paint(Workspace& work, VkImageView view, VkFormat format, const Pain
   targetInfo.width = p.extent.width;
   targetInfo.height = p.extent.height;
   targetInfo.layers = p.layers;
-  VkFramebuffer target = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(d, &targetInfo, nullptr, &target), "vkCreateFramebuffer");
-  work.onDestroy([d, target] { vkDestroyFramebuffer(d, target, nullptr); });
+  VkFramebuffer target = work.make(targetInfo);
   auto layoutInfo = structure<VkPipelineLayoutCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO);
-  VkPipelineLayout layout = VK_NULL_HANDLE;
-  check(vkCreatePipelineLayout(d, &layoutInfo, nullptr, &layout), "vkCreatePipelineLayout");
-  work.onDestroy([d, layout] { vkDestroyPipelineLayout(d, layout, nullptr); });
+  VkPipelineLayout layout = work.make(layoutInfo);
 
   VkPipelineShaderStageCreateInfo stages[2] = {};
   for (int i = 0; i < 2; ++i) {
@@ -258,9 +237,7 @@ inline void paint(Workspace& work, VkImageView view, VkFormat format, const Pain
   info.pColorBlendState = &colour;
   info.layout = layout;
   info.renderPass = pass;
-  VkPipeline pipeline = VK_NULL_HANDLE;
-  check(vkCreateGraphicsPipelines(d, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateGraphicsPipelines");
-  work.onDestroy([d, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
+  VkPipeline pipeline = work.make(info);
   work.device.run([&](VkCommandBuffer commands) {
     fullBarrier(commands);
     auto begin = structure<VkRenderPassBeginInfo>(VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO);

@@ -113,9 +113,7 @@ TEST_P(RenderingFeatures, MultiviewRenderPass2WithInputAttachmentAndImagelessFra
   passInfo.pSubpasses = subpasses;
   passInfo.dependencyCount = 1;
   passInfo.pDependencies = &dependency;
-  VkRenderPass pass = VK_NULL_HANDLE;
-  check(vkCreateRenderPass2(handle(), &passInfo, nullptr, &pass), "vkCreateRenderPass2");
-  work->onDestroy([d = handle(), pass] { vkDestroyRenderPass(d, pass, nullptr); });
+  VkRenderPass pass = work->make(passInfo);
 
   VkFramebufferAttachmentImageInfo imageInfos[2]{};
   for (uint32_t i = 0; i < 2; i++) {
@@ -128,9 +126,7 @@ TEST_P(RenderingFeatures, MultiviewRenderPass2WithInputAttachmentAndImagelessFra
   VkFramebufferAttachmentsCreateInfo attachmentsInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_ATTACHMENTS_CREATE_INFO, nullptr, 2, imageInfos};
   VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, &attachmentsInfo, VK_FRAMEBUFFER_CREATE_IMAGELESS_BIT, pass, 2, nullptr,
                                           kSize.width, kSize.height, 1};
-  VkFramebuffer framebuffer = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
-  work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+  VkFramebuffer framebuffer = work->make(framebufferInfo);
 
   VkPipelineLayout layout = pushLayout();
   GraphicsSpec spec;
@@ -213,13 +209,9 @@ TEST_P(RenderingFeatures, InputAttachmentThatIsTheDepthAttachment) {
   passInfo.pSubpasses = &subpass;
   passInfo.dependencyCount = 1;
   passInfo.pDependencies = &itself;
-  VkRenderPass renderPass = VK_NULL_HANDLE;
-  check(vkCreateRenderPass(handle(), &passInfo, nullptr, &renderPass), "vkCreateRenderPass");
-  work->onDestroy([d = handle(), renderPass] { vkDestroyRenderPass(d, renderPass, nullptr); });
+  VkRenderPass renderPass = work->make(passInfo);
   VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, renderPass, 2, views, kSize.width, kSize.height, 1};
-  VkFramebuffer framebuffer = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
-  work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+  VkFramebuffer framebuffer = work->make(framebufferInfo);
 
   VkDescriptorSetLayout setLayout = makeSetLayout(*work, {{0, VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT, 1, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr}});
   VkPipelineLayout layout = makePipelineLayout(*work, {setLayout}, 16, kGraphics);
@@ -381,13 +373,9 @@ TEST_P(RenderingFeatures, AnAspectThatIsNotResolvedIsCleared) {
     passInfo.pAttachments = attachments;
     passInfo.subpassCount = 1;
     passInfo.pSubpasses = &subpass;
-    VkRenderPass renderPass = VK_NULL_HANDLE;
-    check(vkCreateRenderPass2(handle(), &passInfo, nullptr, &renderPass), "vkCreateRenderPass2");
-    work->onDestroy([d = handle(), renderPass] { vkDestroyRenderPass(d, renderPass, nullptr); });
+    VkRenderPass renderPass = work->make(passInfo);
     VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, renderPass, 2, views, kSize.width, kSize.height, 1};
-    VkFramebuffer framebuffer = VK_NULL_HANDLE;
-    check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
-    work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+    VkFramebuffer framebuffer = work->make(framebufferInfo);
     device().run([&](VkCommandBuffer commands) {
       VkClearDepthStencilValue before{0.75f, 77};
       VkImageSubresourceRange range{kAspects, 0, 1, 0, 1};
@@ -489,13 +477,9 @@ TEST_P(RenderingFeatures, SeparateDepthAndStencilLayouts) {
   passInfo.pAttachments = attachments;
   passInfo.subpassCount = 1;
   passInfo.pSubpasses = &subpass;
-  VkRenderPass renderPass = VK_NULL_HANDLE;
-  check(vkCreateRenderPass2(handle(), &passInfo, nullptr, &renderPass), "vkCreateRenderPass2");
-  work->onDestroy([d = handle(), renderPass] { vkDestroyRenderPass(d, renderPass, nullptr); });
+  VkRenderPass renderPass = work->make(passInfo);
   VkFramebufferCreateInfo framebufferInfo{VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO, nullptr, 0, renderPass, 2, views, kSize.width, kSize.height, 1};
-  VkFramebuffer framebuffer = VK_NULL_HANDLE;
-  check(vkCreateFramebuffer(handle(), &framebufferInfo, nullptr, &framebuffer), "vkCreateFramebuffer");
-  work->onDestroy([d = handle(), framebuffer] { vkDestroyFramebuffer(d, framebuffer, nullptr); });
+  VkFramebuffer framebuffer = work->make(framebufferInfo);
 
   VkDescriptorSetLayout setLayout = makeSetLayout(*work, {{0, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, 1, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr}});
   VkPipelineLayout layout = makePipelineLayout(*work, {setLayout}, 16, kGraphics);
@@ -608,13 +592,9 @@ TEST_P(RenderingFeatures, InheritedQueries) {
   spec.fragment = "#version 460\nlayout(location = 0) out uvec4 color;\nvoid main() { color = uvec4(5); }\n";
   VkPipeline pipeline = makeGraphics(*work, layout, spec);
   VkQueryPoolCreateInfo queryInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_OCCLUSION, 1, 0};
-  VkQueryPool queries = VK_NULL_HANDLE;
-  check(vkCreateQueryPool(handle(), &queryInfo, nullptr, &queries), "vkCreateQueryPool");
-  work->onDestroy([d = handle(), queries] { vkDestroyQueryPool(d, queries, nullptr); });
+  VkQueryPool queries = work->make(queryInfo);
   VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, device().family};
-  VkCommandPool pool = VK_NULL_HANDLE;
-  check(vkCreateCommandPool(handle(), &poolInfo, nullptr, &pool), "vkCreateCommandPool");
-  work->onDestroy([d = handle(), pool] { vkDestroyCommandPool(d, pool, nullptr); });
+  VkCommandPool pool = work->make(poolInfo);
   VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, pool, VK_COMMAND_BUFFER_LEVEL_SECONDARY, 1};
   VkCommandBuffer secondary = VK_NULL_HANDLE;
   check(vkAllocateCommandBuffers(handle(), &allocate, &secondary), "vkAllocateCommandBuffers");
@@ -947,9 +927,7 @@ void main() {
 })";
   VkPipeline slow = makeGraphics(*work, layout, spec);
   VkQueryPoolCreateInfo queryInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_TIMESTAMP, 3, 0};
-  VkQueryPool queries = VK_NULL_HANDLE;
-  check(vkCreateQueryPool(handle(), &queryInfo, nullptr, &queries), "vkCreateQueryPool");
-  work->onDestroy([d = handle(), queries] { vkDestroyQueryPool(d, queries, nullptr); });
+  VkQueryPool queries = work->make(queryInfo);
   device().run([&](VkCommandBuffer c) {
     vkCmdResetQueryPool(c, queries, 0, 3);
     vkCmdWriteTimestamp(c, VK_PIPELINE_STAGE_BOTTOM_OF_PIPE_BIT, queries, 0);

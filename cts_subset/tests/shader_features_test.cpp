@@ -209,17 +209,13 @@ TEST_P(ShaderFeatures, BufferDeviceAddress) {
   VkDevice d = device().handle;
   // Device addresses need memory allocated for them.
   VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, nullptr, 0, 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | kStorage, VK_SHARING_MODE_EXCLUSIVE, 0, nullptr};
-  VkBuffer buffer = VK_NULL_HANDLE;
-  check(vkCreateBuffer(d, &info, nullptr, &buffer), "vkCreateBuffer");
-  work.onDestroy([=] { vkDestroyBuffer(d, buffer, nullptr); });
+  VkBuffer buffer = work.make(info);
   VkMemoryRequirements needs;
   vkGetBufferMemoryRequirements(d, buffer, &needs);
   VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
   VkMemoryAllocateInfo allocate{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size,
                                 device().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)};
-  VkDeviceMemory memory = VK_NULL_HANDLE;
-  check(vkAllocateMemory(d, &allocate, nullptr, &memory), "vkAllocateMemory");
-  work.onDestroy([=] { vkFreeMemory(d, memory, nullptr); });
+  VkDeviceMemory memory = work.make(allocate);
   check(vkBindBufferMemory(d, buffer, memory, 0), "vkBindBufferMemory");
   void* mapped = nullptr;
   check(vkMapMemory(d, memory, 0, VK_WHOLE_SIZE, 0, &mapped), "vkMapMemory");
@@ -607,9 +603,7 @@ void main() {
     // Two formats: 32 bits, and 16 bits with the second texel in the high half.
     Buffer texels = work.bufferOf(k % 2 ? Words{k << 16, 9} : Words{77, k}, VK_BUFFER_USAGE_UNIFORM_TEXEL_BUFFER_BIT);
     VkBufferViewCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO, nullptr, 0, texels.handle, k % 2 ? VK_FORMAT_R16_UINT : VK_FORMAT_R32_UINT, 0, VK_WHOLE_SIZE};
-    VkBufferView view = VK_NULL_HANDLE;
-    check(vkCreateBufferView(d, &info, nullptr, &view), "vkCreateBufferView");
-    work.onDestroy([=] { vkDestroyBufferView(d, view, nullptr); });
+    VkBufferView view = work.make(info);
     views.push_back(view);
   }
   std::vector<Image> images;

@@ -232,9 +232,7 @@ TEST_P(Stages, AlphaToCoverageWithoutAttachment) {
       VkPipelineLayout layout = makePipelineLayout(work, {}, 16, kGraphics);
       VkPipeline pipeline = makeGraphics(work, layout, spec);
       VkQueryPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_QUERY_POOL_CREATE_INFO, nullptr, 0, VK_QUERY_TYPE_OCCLUSION, 1, 0};
-      VkQueryPool queries = VK_NULL_HANDLE;
-      check(vkCreateQueryPool(device().handle, &poolInfo, nullptr, &queries), "vkCreateQueryPool");
-      work.onDestroy([d = device().handle, queries] { vkDestroyQueryPool(d, queries, nullptr); });
+      VkQueryPool queries = work.make(poolInfo);
       ImageSpec imageSpec;
       imageSpec.extent = {kSize.width, kSize.height, 1};
       imageSpec.samples = VK_SAMPLE_COUNT_4_BIT;

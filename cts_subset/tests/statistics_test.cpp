@@ -18,9 +18,7 @@ TEST_P(Statistics, CountWhatDrawsDo) {
   info.pipelineStatistics = VK_QUERY_PIPELINE_STATISTIC_INPUT_ASSEMBLY_VERTICES_BIT | VK_QUERY_PIPELINE_STATISTIC_INPUT_ASSEMBLY_PRIMITIVES_BIT |
                             VK_QUERY_PIPELINE_STATISTIC_VERTEX_SHADER_INVOCATIONS_BIT | VK_QUERY_PIPELINE_STATISTIC_CLIPPING_INVOCATIONS_BIT |
                             VK_QUERY_PIPELINE_STATISTIC_FRAGMENT_SHADER_INVOCATIONS_BIT;
-  VkQueryPool pool = VK_NULL_HANDLE;
-  check(vkCreateQueryPool(device().handle, &info, nullptr, &pool), "vkCreateQueryPool");
-  canvas.onDestroy([d = device().handle, pool] { vkDestroyQueryPool(d, pool, nullptr); });
+  VkQueryPool pool = canvas.make(info);
 
   PipelineSpec spec;
   spec.depthTest = spec.depthWrite = true;
@@ -67,11 +65,7 @@ VkQueryPool statisticsPool(Workspace& work, VkQueryPipelineStatisticFlags counte
   info.queryType = VK_QUERY_TYPE_PIPELINE_STATISTICS;
   info.queryCount = queries;
   info.pipelineStatistics = counted;
-  VkQueryPool pool = VK_NULL_HANDLE;
-  VkDevice d = work.device.handle;
-  check(vkCreateQueryPool(d, &info, nullptr, &pool), "vkCreateQueryPool");
-  work.onDestroy([d, pool] { vkDestroyQueryPool(d, pool, nullptr); });
-  return pool;
+  return work.make(info);
 }
 
 // What compute shaders do, read back by a copy, in words of 32 bits with availability behind them.
@@ -120,10 +114,8 @@ TEST_P(Statistics, CountSecondaryCommandBuffersAndClippedPrimitives) {
   spec.cull = VK_CULL_MODE_BACK_BIT;
   Pipeline pipeline = canvas.pipeline(spec);
   VkCommandPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, 0};
-  VkCommandPool commandPool = VK_NULL_HANDLE;
   VkDevice d = device().handle;
-  check(vkCreateCommandPool(d, &poolInfo, nullptr, &commandPool), "vkCreateCommandPool");
-  canvas.onDestroy([d, commandPool] { vkDestroyCommandPool(d, commandPool, nullptr); });
+  VkCommandPool commandPool = canvas.make(poolInfo);
   VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr, commandPool, VK_COMMAND_BUFFER_LEVEL_SECONDARY, 1};
   VkCommandBuffer secondary = VK_NULL_HANDLE;
   check(vkAllocateCommandBuffers(d, &allocate, &secondary), "vkAllocateCommandBuffers");
