@@ -200,10 +200,7 @@ TEST_P(ApiFeatures, InlineUniformBlocksAndUpdateTemplates) {
 TEST_P(ApiFeatures, LayoutSupportOfInlineUniformBlocks) {
   PUMICE_NEED_FEATURE(device().vulkan13.inlineUniformBlock);
   if (GetParam() == Role::kPeer) GTEST_SKIP() << "the figures are those of one driver";
-  VkPhysicalDeviceVulkan13Properties v13{};
-  v13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES;
-  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v13, {}};
-  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  const auto v13 = properties<VkPhysicalDeviceVulkan13Properties>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES);
   for (uint32_t bytes : {0u, 4u, v13.maxInlineUniformBlockSize}) {
     VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK, bytes, VK_SHADER_STAGE_COMPUTE_BIT, nullptr};
     VkDescriptorBindingFlags flag = VK_DESCRIPTOR_BINDING_VARIABLE_DESCRIPTOR_COUNT_BIT;

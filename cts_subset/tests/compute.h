@@ -3,6 +3,7 @@
 
 #include "cts_subset/tests/devices.h"
 
+#include <algorithm>
 #include <cstring>
 
 namespace pumice::cts {
@@ -94,31 +95,51 @@ inline VkWriteDescriptorSet writeBuffer(VkDescriptorSet set, uint32_t binding, V
 
 inline constexpr VkBufferUsageFlags kStorage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
 
+// The whole of the buffer, for Workspace::descriptors.
+inline Binding bufferBinding(const Buffer& buffer, VkDescriptorType type = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER) {
+  Binding b{type};
+  b.buffer = {buffer.handle, 0, VK_WHOLE_SIZE};
+  return b;
+}
+
+// A buffer that shaders reach by its address, at the start of host-visible memory of its own, which may be larger.
+struct AddressedBuffer {
+  uint64_t address = 0;
+  void* mapped = nullptr;
+};
+
+inline AddressedBuffer addressedBuffer(Workspace& work, VkDeviceSize bytes, VkDeviceSize memoryBytes = 0) {
+  AddressedBuffer made;
+  VkDevice d = work.device.handle;
+  VkBuffer buffer = work.make(VkBufferCreateInfo{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, nullptr, 0, bytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | kStorage,
+                                                 VK_SHARING_MODE_EXCLUSIVE, 0, nullptr});
+  VkMemoryRequirements needs;
+  vkGetBufferMemoryRequirements(d, buffer, &needs);
+  // Device addresses need memory allocated for them.
+  VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
+  VkDeviceMemory memory = work.make(VkMemoryAllocateInfo{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, std::max(needs.size, memoryBytes),
+      work.device.memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)});
+  check(vkBindBufferMemory(d, buffer, memory, 0), "vkBindBufferMemory");
+  check(vkMapMemory(d, memory, 0, VK_WHOLE_SIZE, 0, &made.mapped), "vkMapMemory");
+  VkBufferDeviceAddressInfo ask{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
+  made.address = vkGetBufferDeviceAddress(d, &ask);
+  return made;
+}
+
 // Runs a shader with `in` at binding 0 and gives back the words of binding 1.
 inline Words runCompute(Device& device, const std::vector<uint32_t>& spirv, const Words& in, size_t outWords, const ComputeSpec& spec = {}) {
   Workspace work(device);
   Buffer source = work.bufferOf(in, kStorage);
   Buffer target = work.bufferOf(Words(outWords, 0xcdcdcdcd), kStorage);
-  std::vector<VkDescriptorSetLayoutBinding> bindings = {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER),
-                                                        computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)};
-  if (!spec.uniform.empty()) bindings.push_back(computeBinding(2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER));
-  VkDescriptorSetLayout setLayout = makeSetLayout(work, bindings);
-  VkPipelineLayout layout = makePipelineLayout(work, {setLayout}, uint32_t(spec.push.size()));
+  std::vector<Binding> bindings = {bufferBinding(source), bufferBinding(target)};
+  if (!spec.uniform.empty())
+    bindings.push_back(bufferBinding(work.bufferOf(spec.uniform, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT), VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER));
+  DescriptorSet set = work.descriptors(bindings);
+  VkPipelineLayout layout = makePipelineLayout(work, {set.layout}, uint32_t(spec.push.size()));
   VkPipeline pipeline = makeCompute(work, work.shader(spirv), layout, spec);
-  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2}, {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 1}});
-  VkDescriptorSet set = makeSet(work, pool, setLayout);
-  VkDescriptorBufferInfo infos[3] = {{source.handle, 0, VK_WHOLE_SIZE}, {target.handle, 0, VK_WHOLE_SIZE}, {}};
-  std::vector<VkWriteDescriptorSet> writes = {writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &infos[0]),
-                                              writeBuffer(set, 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &infos[1])};
-  if (!spec.uniform.empty()) {
-    Buffer uniform = work.bufferOf(spec.uniform, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT);
-    infos[2] = {uniform.handle, 0, VK_WHOLE_SIZE};
-    writes.push_back(writeBuffer(set, 2, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, &infos[2]));
-  }
-  vkUpdateDescriptorSets(device.handle, uint32_t(writes.size()), writes.data(), 0, nullptr);
   device.run([&](VkCommandBuffer commands) {
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set.handle, 0, nullptr);
     if (!spec.push.empty()) vkCmdPushConstants(commands, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, uint32_t(spec.push.size()), spec.push.data());
     vkCmdDispatch(commands, spec.groups, 1, 1);
     fullBarrier(commands);
@@ -143,14 +164,6 @@ class ComputeTest : public OnDevice {
       if (std::memcmp(&found[i], &expected[i], sizeof(T)) && ++wrong <= 5)
         ADD_FAILURE() << "element " << i << " is " << +found[i] << ", expected " << +expected[i];
     EXPECT_EQ(wrong, 0u) << "of " << found.size();
-  }
-  template <class Properties>
-  Properties properties(VkStructureType type) {
-    Properties found{};
-    found.sType = type;
-    VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &found, {}};
-    vkGetPhysicalDeviceProperties2(device().physical, &p2);
-    return found;
   }
 };
 

@@ -24,6 +24,14 @@ class OnDevice : public testing::TestWithParam<Role> {
     }
   }
   Device& device() { return *chosen; }
+  template <class Properties>
+  Properties properties(VkStructureType type) {
+    Properties found{};
+    found.sType = type;
+    VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &found, {}};
+    vkGetPhysicalDeviceProperties2(device().physical, &p2);
+    return found;
+  }
 
  private:
   Device* chosen = nullptr;

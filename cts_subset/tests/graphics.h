@@ -14,8 +14,33 @@ layout(push_constant) uniform P { vec4 given; };
 void main() { gl_Position = vec4(vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2) * 2 - 1, given.w, 1); }
 )";
 
+inline const char* const kGivenFragment = R"(#version 460
+layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) out uvec4 color;
+void main() { color = uvec4(given); }
+)";
+
+// The same triangle, and what each view makes of it.
+inline const char* const kViewVertex = R"(#version 460
+#extension GL_EXT_multiview : require
+layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) flat out uint view;
+void main() {
+  gl_Position = vec4(vec2((gl_VertexIndex << 1) & 2, gl_VertexIndex & 2) * 2 - 1, given.w, 1);
+  view = gl_ViewIndex;
+}
+)";
+inline const char* const kViewFragment = R"(#version 460
+#extension GL_EXT_multiview : require
+layout(push_constant) uniform P { vec4 given; };
+layout(location = 0) flat in uint view;
+layout(location = 0) out uvec4 color;
+void main() { color = uvec4(gl_ViewIndex + 1, uint(gl_FragCoord.x), uint(given.x), view); }
+)";
+
 struct GraphicsSpec {
   std::string vertex = kWholeTarget, fragment;
+  ShaderTarget shaders = ShaderTarget::kVulkan13;
   std::vector<VkFormat> colors;          // of dynamic rendering
   VkFormat depth = VK_FORMAT_UNDEFINED, stencil = VK_FORMAT_UNDEFINED;
   uint32_t viewMask = 0;
@@ -41,9 +66,9 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   VkPipelineShaderStageCreateInfo stages[2]{};
   for (auto& s : stages) s.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO, s.pName = "main", s.pNext = spec.stageNext;
   stages[0].stage = VK_SHADER_STAGE_VERTEX_BIT;
-  stages[0].module = work.shader(VK_SHADER_STAGE_VERTEX_BIT, spec.vertex, ShaderTarget::kVulkan13);
+  stages[0].module = work.shader(VK_SHADER_STAGE_VERTEX_BIT, spec.vertex, spec.shaders);
   stages[1].stage = VK_SHADER_STAGE_FRAGMENT_BIT;
-  if (!spec.fragment.empty()) stages[1].module = work.shader(VK_SHADER_STAGE_FRAGMENT_BIT, spec.fragment, ShaderTarget::kVulkan13);
+  if (!spec.fragment.empty()) stages[1].module = work.shader(VK_SHADER_STAGE_FRAGMENT_BIT, spec.fragment, spec.shaders);
   VkPipelineVertexInputStateCreateInfo input{};
   input.sType = VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO;
   input.pNext = spec.inputNext;
@@ -147,6 +172,51 @@ inline VkRenderingInfo renderingInfo(VkExtent2D extent, const std::vector<VkRend
   return r;
 }
 
+// An attachment of a render pass that is cleared and stored and stays in GENERAL.
+inline VkAttachmentDescription2 attachmentOf(VkFormat format, VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT) {
+  VkAttachmentDescription2 a{};
+  a.sType = VK_STRUCTURE_TYPE_ATTACHMENT_DESCRIPTION_2;
+  a.format = format;
+  a.samples = samples;
+  a.loadOp = a.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_CLEAR;
+  a.storeOp = a.stencilStoreOp = VK_ATTACHMENT_STORE_OP_STORE;
+  a.initialLayout = a.finalLayout = VK_IMAGE_LAYOUT_GENERAL;
+  return a;
+}
+
+inline VkAttachmentReference2 referenceTo(uint32_t attachment, VkImageAspectFlags aspects) {
+  return {VK_STRUCTURE_TYPE_ATTACHMENT_REFERENCE_2, nullptr, attachment, VK_IMAGE_LAYOUT_GENERAL, aspects};
+}
+
+// With one colour attachment or none.
+inline VkSubpassDescription2 subpass(const VkAttachmentReference2* color, const VkAttachmentReference2* depthStencil = nullptr) {
+  VkSubpassDescription2 s{};
+  s.sType = VK_STRUCTURE_TYPE_SUBPASS_DESCRIPTION_2;
+  s.colorAttachmentCount = color ? 1 : 0;
+  s.pColorAttachments = color;
+  s.pDepthStencilAttachment = depthStencil;
+  return s;
+}
+
+inline VkRenderPass makePass(Workspace& work, const std::vector<VkAttachmentDescription2>& attachments, const std::vector<VkSubpassDescription2>& subpasses,
+                             const std::vector<VkSubpassDependency2>& dependencies = {}) {
+  VkRenderPassCreateInfo2 info{};
+  info.sType = VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO_2;
+  info.attachmentCount = uint32_t(attachments.size());
+  info.pAttachments = attachments.data();
+  info.subpassCount = uint32_t(subpasses.size());
+  info.pSubpasses = subpasses.data();
+  info.dependencyCount = uint32_t(dependencies.size());
+  info.pDependencies = dependencies.data();
+  return work.make(info);
+}
+
+inline Binding inputBinding(VkImageView view) {
+  Binding b{VK_DESCRIPTOR_TYPE_INPUT_ATTACHMENT};
+  b.image = {VK_NULL_HANDLE, view, VK_IMAGE_LAYOUT_GENERAL};
+  return b;
+}
+
 // Viewport and scissor of the whole target.
 inline void wholeTarget(VkCommandBuffer commands, VkExtent2D extent) {
   VkViewport viewport{0, 0, float(extent.width), float(extent.height), 0, 1};
@@ -183,6 +253,13 @@ class DrawTest : public OnDevice {
     return image;
   }
   Words pixels(const Image& image, uint32_t layer = 0) { return valuesOf<uint32_t>(wordsOf(download(*work, image, 0, layer, VK_IMAGE_ASPECT_COLOR_BIT, 16))); }
+  std::vector<float> depths(const Image& image) { return valuesOf<float>(wordsOf(download(*work, image, 0, 0, VK_IMAGE_ASPECT_DEPTH_BIT, 4))); }
+  Bytes stencils(const Image& image) { return download(*work, image, 0, 0, VK_IMAGE_ASPECT_STENCIL_BIT, 1); }
+  void clear(VkCommandBuffer commands, const Image& image, VkClearDepthStencilValue value) {
+    VkImageSubresourceRange all{VK_IMAGE_ASPECT_DEPTH_BIT | VK_IMAGE_ASPECT_STENCIL_BIT, 0, 1, 0, 1};
+    vkCmdClearDepthStencilImage(commands, image.handle, VK_IMAGE_LAYOUT_GENERAL, &value, 1, &all);
+    fullBarrier(commands);
+  }
   // Word `component` of the pixel.
   uint32_t at(const Words& p, uint32_t x, uint32_t y, uint32_t component) { return p[(y * kSize.width + x) * 4 + component]; }
   VkPipelineLayout pushLayout() { return makePipelineLayout(*work, {}, 16, kGraphics); }

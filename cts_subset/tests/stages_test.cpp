@@ -13,14 +13,6 @@ constexpr VkShaderStageFlags kGraphics = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_
 // A vertex for each pixel of a row; shaders write `words` words of a storage buffer.
 class Stages : public OnDevice {
  protected:
-  VkPhysicalDeviceVulkan11Properties properties11() {
-    VkPhysicalDeviceVulkan11Properties v11{};
-    v11.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES;
-    VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v11, {}};
-    vkGetPhysicalDeviceProperties2(device().physical, &p2);
-    return v11;
-  }
-
   Words draw(GraphicsSpec spec, const Bytes& vertices, size_t words, uint32_t points = kSize.width) {
     Workspace work(device());
     ImageSpec imageSpec;
@@ -30,15 +22,11 @@ class Stages : public OnDevice {
     Image image = work.image(imageSpec);
     Buffer target = work.bufferOf(Words(words, 0xcdcdcdcd), kStorage);
     Buffer source = work.bufferOf(vertices.empty() ? Bytes(16) : vertices, VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-    VkDescriptorSetLayout setLayout = makeSetLayout(work, {{0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, kGraphics, nullptr}});
-    VkPipelineLayout layout = makePipelineLayout(work, {setLayout});
+    DescriptorSet set = work.descriptors({bufferBinding(target)});
+    VkPipelineLayout layout = makePipelineLayout(work, {set.layout});
     spec.topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST;
     spec.colors = {kUint};
     VkPipeline pipeline = makeGraphics(work, layout, spec);
-    VkDescriptorSet set = makeSet(work, makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1}}), setLayout);
-    VkDescriptorBufferInfo info{target.handle, 0, VK_WHOLE_SIZE};
-    VkWriteDescriptorSet write = writeBuffer(set, 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &info);
-    vkUpdateDescriptorSets(device().handle, 1, &write, 0, nullptr);
     VkImageView view = work.view(image);
     device().run([&](VkCommandBuffer c) {
       transition(c, image, VK_IMAGE_LAYOUT_UNDEFINED, VK_IMAGE_LAYOUT_GENERAL);
@@ -47,7 +35,7 @@ class Stages : public OnDevice {
       vkCmdBeginRendering(c, &rendering);
       wholeTarget(c, kSize);
       vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
-      vkCmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_GRAPHICS, layout, 0, 1, &set, 0, nullptr);
+      vkCmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_GRAPHICS, layout, 0, 1, &set.handle, 0, nullptr);
       VkDeviceSize zero = 0;
       vkCmdBindVertexBuffers(c, 0, 1, &source.handle, &zero);
       vkCmdDraw(c, points, 1, 0, 0);
@@ -178,7 +166,7 @@ void main() {
 }
 
 TEST_P(Stages, QuadsOfVertices) {
-  VkPhysicalDeviceVulkan11Properties v11 = properties11();
+  const auto v11 = properties<VkPhysicalDeviceVulkan11Properties>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES);
   PUMICE_NEED_FEATURE(v11.subgroupQuadOperationsInAllStages && (v11.subgroupSupportedStages & VK_SHADER_STAGE_VERTEX_BIT) &&
                       (v11.subgroupSupportedOperations & VK_SUBGROUP_FEATURE_SHUFFLE_BIT) && device().features.vertexPipelineStoresAndAtomics &&
                       device().vulkan13.dynamicRendering);
@@ -200,10 +188,7 @@ void main() {
 }
 
 TEST_P(Stages, RequiredSubgroupSize) {
-  VkPhysicalDeviceVulkan13Properties v13{};
-  v13.sType = VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES;
-  VkPhysicalDeviceProperties2 p2{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_PROPERTIES_2, &v13, {}};
-  vkGetPhysicalDeviceProperties2(device().physical, &p2);
+  const auto v13 = properties<VkPhysicalDeviceVulkan13Properties>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_3_PROPERTIES);
   PUMICE_NEED_FEATURE(device().vulkan13.subgroupSizeControl && (v13.requiredSubgroupSizeStages & kGraphics) == kGraphics &&
                       device().features.vertexPipelineStoresAndAtomics && device().features.fragmentStoresAndAtomics &&
                       device().vulkan13.dynamicRendering);
@@ -263,7 +248,7 @@ TEST_P(Stages, AlphaToCoverageWithoutAttachment) {
 
 // Lanes that went different ways are together again behind the branch, as often as the subgroup entered it together.
 TEST_P(Stages, SubgroupUniformControlFlow) {
-  VkPhysicalDeviceVulkan11Properties v11 = properties11();
+  const auto v11 = properties<VkPhysicalDeviceVulkan11Properties>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_VULKAN_1_1_PROPERTIES);
   PUMICE_NEED_FEATURE(device().subgroupUniformFlow.shaderSubgroupUniformControlFlow &&
                       (v11.subgroupSupportedOperations & VK_SUBGROUP_FEATURE_ARITHMETIC_BIT));
   Words r = runCompute(device(), R"(
