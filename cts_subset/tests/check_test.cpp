@@ -88,18 +88,8 @@ TEST_F(Checks, NameAttributesBehindTheEnd) {
 TEST_F(Checks, NameAddressesOfNothing) {
   PUMICE_NEED_FEATURE(device().vulkan12.bufferDeviceAddress && device().features.shaderInt64);
   Workspace work(device());
-  VkDevice d = device().handle;
   // A small buffer in a large piece of memory: what lies behind it is there, but is not the buffer.
-  VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, nullptr, 0, 256, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT, VK_SHARING_MODE_EXCLUSIVE, 0, nullptr};
-  VkBuffer buffer = work.make(info);
-  VkMemoryRequirements needs;
-  vkGetBufferMemoryRequirements(d, buffer, &needs);
-  VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-  VkMemoryAllocateInfo allocate{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, 64 << 10, device().memoryType(needs.memoryTypeBits, 0)};
-  VkDeviceMemory memory = work.make(allocate);
-  check(vkBindBufferMemory(d, buffer, memory, 0), "vkBindBufferMemory");
-  VkBufferDeviceAddressInfo ask{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
-  const uint64_t address = vkGetBufferDeviceAddress(d, &ask);
+  const uint64_t address = addressedBuffer(work, 256, 64 << 10).address;
   auto run = [&](uint32_t first) {
     return logged([&] {
       runCompute(device(), R"(

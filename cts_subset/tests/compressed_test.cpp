@@ -135,7 +135,7 @@ TEST_P(CompressedFormat, EveryTexelOfLevelsAndLayers) {
     Image image = work.image(spec);
     fill(work, image, f, 5);
     return probe(work, "layout(binding = 2) uniform sampler2DArray image;", "answer = texelFetch(image, ivec3(ask(0).xyz), int(ask(0).w));",
-                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_2D_ARRAY}), makeSampler(work, samplerInfo()))}, q);
+                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_2D_ARRAY}), work.make(samplerInfo()))}, q);
   });
 }
 
@@ -166,7 +166,7 @@ TEST_P(CompressedFormat, TrilinearCube) {
     fill(work, image, f, 11);
     auto info = samplerInfo(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE, VK_SAMPLER_MIPMAP_MODE_LINEAR);
     return probe(work, "layout(binding = 2) uniform samplerCube image;", "answer = textureLod(image, ask(0).xyz, ask(0).w);",
-                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_CUBE}), makeSampler(work, info))}, q);
+                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_CUBE}), work.make(info))}, q);
   });
 }
 
@@ -190,7 +190,7 @@ TEST_P(CompressedFormat, EveryTexelOfAVolume) {
     Image image = work.image(spec);
     fill(work, image, f, 7);
     return probe(work, "layout(binding = 2) uniform sampler3D image;", "answer = texelFetch(image, ivec3(ask(0).xyz), 0);",
-                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_3D}), makeSampler(work, samplerInfo()))}, q);
+                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_3D}), work.make(samplerInfo()))}, q);
   });
 }
 
@@ -218,7 +218,7 @@ TEST_P(CompressedFormat, BlitToFloat) {
       vkCmdBlitImage(commands, image.handle, VK_IMAGE_LAYOUT_GENERAL, target.handle, VK_IMAGE_LAYOUT_GENERAL, 1, &blit, VK_FILTER_NEAREST);
     });
     return probe(work, "layout(binding = 2) uniform sampler2D image;", "answer = texelFetch(image, ivec2(ask(0).xy), 0);",
-                 {sampledBinding(makeView(work, target, {}), makeSampler(work, samplerInfo()))}, q);
+                 {sampledBinding(makeView(work, target, {}), work.make(samplerInfo()))}, q);
   });
 }
 
@@ -259,7 +259,7 @@ TEST_P(CompressedFormat, BlocksWrittenThroughATexelView) {
     }
     VkImageView view = makeView(work, image, {VK_IMAGE_VIEW_TYPE_2D, VK_FORMAT_UNDEFINED, 0, 0, 1, 0, 1, VK_IMAGE_USAGE_SAMPLED_BIT});
     answers[shader] = probe(work, "layout(binding = 2) uniform sampler2D image;", "answer = texelFetch(image, ivec2(ask(0).xy), 0);",
-                            {sampledBinding(view, makeSampler(work, samplerInfo()))}, questions);
+                            {sampledBinding(view, work.make(samplerInfo()))}, questions);
   }
   Difference d = compare(answers[0], answers[1]);
   EXPECT_EQ(d.largest, 0) << f.name << " at " << d.at;

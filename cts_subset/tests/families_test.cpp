@@ -65,7 +65,6 @@ void main() {
 
 Words runFamily(Device& device, const InstructionFamily& family, const std::vector<Lane>& lanes) {
   Workspace work(device);
-  VkDevice d = device.handle;
   Buffer in = work.bufferOf(lanes, kStorage), out = work.bufferOf(Words(kLanes * family.rows.size(), 0xcdcdcdcd), kStorage);
   Buffer scratch = work.bufferOf(Words(kLanes * kLaneBytes / 4, 0), kStorage);
   ImageSpec spec;
@@ -80,41 +79,15 @@ Words runFamily(Device& device, const InstructionFamily& family, const std::vect
   VkSampler sampler = work.sampler(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_REPEAT);
 
   // Memory that is read and written by its address.
-  uint64_t address = 0;
-  if (device.vulkan12.bufferDeviceAddress) {
-    VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, nullptr, 0, kLanes * kLaneBytes, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT, VK_SHARING_MODE_EXCLUSIVE, 0, nullptr};
-    VkBuffer buffer = work.make(info);
-    VkMemoryRequirements needs;
-    vkGetBufferMemoryRequirements(d, buffer, &needs);
-    VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-    VkMemoryAllocateInfo allocate{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size, device.memoryType(needs.memoryTypeBits, 0)};
-    VkDeviceMemory memory = work.make(allocate);
-    check(vkBindBufferMemory(d, buffer, memory, 0), "vkBindBufferMemory");
-    VkBufferDeviceAddressInfo ask{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
-    address = vkGetBufferDeviceAddress(d, &ask);
-  }
-  std::vector<Binding> bindings(3, Binding{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER});
-  bindings[0].buffer = {in.handle, 0, VK_WHOLE_SIZE};
-  bindings[1].buffer = {out.handle, 0, VK_WHOLE_SIZE};
-  bindings[2].buffer = {scratch.handle, 0, VK_WHOLE_SIZE};
-  bindings.push_back(storageBinding(work.view(image)));
-  bindings.push_back(sampledBinding(work.view(texture), sampler, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL));
-  std::vector<VkDescriptorSetLayoutBinding> layoutBindings;
-  std::vector<VkDescriptorPoolSize> sizes;
-  for (uint32_t i = 0; i < bindings.size(); i++) layoutBindings.push_back(computeBinding(i, bindings[i].type)), sizes.push_back({bindings[i].type, 1});
-  VkDescriptorSetLayout setLayout = makeSetLayout(work, layoutBindings);
-  VkPipelineLayout layout = makePipelineLayout(work, {setLayout}, 8);
+  const uint64_t address = device.vulkan12.bufferDeviceAddress ? addressedBuffer(work, kLanes * kLaneBytes).address : 0;
+  DescriptorSet set = work.descriptors({bufferBinding(in), bufferBinding(out), bufferBinding(scratch), storageBinding(work.view(image)),
+                                        sampledBinding(work.view(texture), sampler, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL)});
+  VkPipelineLayout layout = makePipelineLayout(work, {set.layout}, 8);
   VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, shaderOf(family), ShaderTarget::kVulkan13), layout);
-  VkDescriptorSet set = makeSet(work, makePool(work, sizes), setLayout);
-  for (uint32_t i = 0; i < bindings.size(); i++) {
-    VkWriteDescriptorSet write = writeBuffer(set, i, bindings[i].type, &bindings[i].buffer);
-    write.pImageInfo = &bindings[i].image;
-    vkUpdateDescriptorSets(d, 1, &write, 0, nullptr);
-  }
   device.run([&](VkCommandBuffer c) {
     fullBarrier(c);
     vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vkCmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
+    vkCmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set.handle, 0, nullptr);
     vkCmdPushConstants(c, layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, 8, &address);
     vkCmdDispatch(c, kGroups, 1, 1);
     fullBarrier(c);

@@ -197,7 +197,7 @@ std::string floatOf(const ColourFormat& f, const std::string& value) {
 std::vector<glm::vec4> fetchAll(Workspace& work, const Image& image, const ColourFormat& f) {
   return probe(work, std::string("layout(binding = 2) uniform ") + f.prefix() + "sampler2D image;",
                "answer = " + floatOf(f, "texelFetch(image, ivec2(ask(0).xy), 0)") + ";",
-               {sampledBinding(makeView(work, image, {}), makeSampler(work, samplerInfo()))}, grid());
+               {sampledBinding(makeView(work, image, {}), work.make(samplerInfo()))}, grid());
 }
 
 void fill(Workspace& work, const Image& image, const ColourFormat& f) {
@@ -287,7 +287,7 @@ TEST_F(FormatsWithPeer, FilteredLinearly) {
         // lavapipe's weights have 8 bits: eighths of texels keep them exact.
         for (glm::vec4& v : q) v = {(std::floor(v.x * 8 * kWidth) + 0.0f) / (8 * kWidth), (std::floor(v.y * 8 * kHeight)) / (8 * kHeight), 0, 0};
         return probe(work, "layout(binding = 2) uniform sampler2D image;", "answer = textureLod(image, ask(0).xy, 0.0);",
-                     {sampledBinding(makeView(work, image, {}), makeSampler(work, samplerInfo(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_REPEAT)))}, q);
+                     {sampledBinding(makeView(work, image, {}), work.make(samplerInfo(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_REPEAT)))}, q);
       });
 }
 
@@ -432,11 +432,7 @@ TEST_F(FormatsWithPeer, FetchedAsVertices) {
 }
 
 VkBufferView bufferView(Workspace& work, const Buffer& buffer, VkFormat format) {
-  auto info = structure<VkBufferViewCreateInfo>(VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO);
-  info.buffer = buffer.handle;
-  info.format = format;
-  info.range = VK_WHOLE_SIZE;
-  return work.make(info);
+  return work.make(VkBufferViewCreateInfo{VK_STRUCTURE_TYPE_BUFFER_VIEW_CREATE_INFO, nullptr, 0, buffer.handle, format, 0, VK_WHOLE_SIZE});
 }
 std::vector<glm::vec4> fetchBuffer(Workspace& work, const Buffer& buffer, const ColourFormat& f) {
   Binding b{VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER};

@@ -8,7 +8,7 @@ namespace pumice::cts {
 namespace {
 
 constexpr VkImageUsageFlags kCopies = VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
-constexpr VkImageUsageFlags kSampled = VK_IMAGE_USAGE_SAMPLED_BIT, kStorage = VK_IMAGE_USAGE_STORAGE_BIT, kColour = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
+constexpr VkImageUsageFlags kSampled = VK_IMAGE_USAGE_SAMPLED_BIT, kStored = VK_IMAGE_USAGE_STORAGE_BIT, kColour = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
 
 class Images : public OnDevice {
  protected:
@@ -88,7 +88,7 @@ TEST_P(Images, LinesAreDrawnToAndSampled) {
   std::vector<glm::vec4> q;
   for (int i = 0; i < 111; ++i) q.push_back({i % 37, i / 37, 0, 0});
   auto a = probe(work, "layout(binding = 2) uniform sampler1DArray image;", "answer = texelFetch(image, ivec2(ask(0).xy), 0) * 255;",
-                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_1D_ARRAY}), makeSampler(work, samplerInfo()))}, q);
+                 {sampledBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_1D_ARRAY}), work.make(samplerInfo()))}, q);
   for (size_t i = 0; i < a.size(); ++i) ASSERT_NEAR(a[i].x, q[i].y == 2 ? q[i].x : 0, 1e-3) << i;
 }
 
@@ -104,7 +104,7 @@ TEST_P(Images, SamplesAreStoredAndFetchedOneByOne) {
     spec.extent = {21, 13, 1};
     spec.layers = 2;
     spec.samples = VK_SAMPLE_COUNT_4_BIT;
-    spec.usage = kStorage | kSampled;
+    spec.usage = kStored | kSampled;
     if (!need(spec)) return;
     Image image = work.image(spec);
     toGeneral(work, image);
@@ -120,7 +120,7 @@ TEST_P(Images, SamplesAreStoredAndFetchedOneByOne) {
                         {storageBinding(view)}, q);
     auto fetched = probe(work, "layout(binding = 2) uniform usampler2DMSArray image;",
                          "ivec4 p = ivec4(ask(0)); answer = vec4(texelFetch(image, p.xyz, p.w).x, textureSamples(image), textureSize(image).xz);",
-                         {sampledBinding(view, makeSampler(work, samplerInfo()))}, q);
+                         {sampledBinding(view, work.make(samplerInfo()))}, q);
     for (size_t i = 0; i < q.size(); ++i) {
       glm::vec4 want(q[i].x + q[i].y * 100 + q[i].z * 10000 + q[i].w * 100000, 4, 21, 2);
       ASSERT_EQ(loaded[i], want) << i;
@@ -158,7 +158,7 @@ TEST_P(Images, LinearMemoryIsRowsThatTheHostSees) {
     // And the other way: what the host writes is sampled.
     std::memset(mapped + layout.offset + 4 * layout.rowPitch + 7 * bytes, 0xff, bytes);
     auto a = probe(work, "layout(binding = 2) uniform sampler2D image;", "answer = texelFetch(image, ivec2(ask(0).xy), 0);",
-                   {sampledBinding(makeView(work, image, {}), makeSampler(work, samplerInfo()))}, {{7, 4, 0, 0}, {6, 4, 0, 0}});
+                   {sampledBinding(makeView(work, image, {}), work.make(samplerInfo()))}, {{7, 4, 0, 0}, {6, 4, 0, 0}});
     EXPECT_EQ(a[0].x, 1.0f) << format;
     EXPECT_NE(a[1], a[0]) << format;
     vkUnmapMemory(device().handle, image.memory);
@@ -188,7 +188,7 @@ TEST_P(Images, ViewsOfOtherFormatsShareBits) {
   VkImageView words = makeView(work, image, view);
   view.format = VK_FORMAT_A2B10G10R10_UNORM_PACK32;
   VkImageView tens = makeView(work, image, view);
-  VkSampler sampler = makeSampler(work, samplerInfo());
+  VkSampler sampler = work.make(samplerInfo());
   auto a = probe(work, "layout(binding = 2) uniform usampler2D words; layout(binding = 3) uniform sampler2D tens;",
                  "ivec2 p = ivec2(ask(0).xy); answer = vec4(uintBitsToFloat(texelFetch(words, p, 0).x), texelFetch(tens, p, 0).xy, 0);",
                  {sampledBinding(words, sampler), sampledBinding(tens, sampler)}, q);
@@ -209,7 +209,7 @@ TEST_P(Images, BeyondTwoGibibytes) {
   spec.format = VK_FORMAT_R32G32B32A32_UINT;
   spec.extent = {16384, 16384, 1};
   spec.layers = 2;
-  spec.usage = kSampled | kStorage | kCopies;
+  spec.usage = kSampled | kStored | kCopies;
   if (device().memory.memoryHeaps[0].size < (10ull << 30)) GTEST_SKIP() << "the heap is smaller than 10 GiB";
   Workspace work(device());
   ASSERT_TRUE(supports(spec));
@@ -227,7 +227,7 @@ TEST_P(Images, BeyondTwoGibibytes) {
   const char* kValue = "uvec4(p.x, p.y, p.z, 77)";
   probe(work, "layout(binding = 2, rgba32ui) uniform uimage2DArray image;", std::string("ivec4 p = ivec4(ask(0)); imageStore(image, p.xyz, ") + kValue + ");",
         {storageBinding(makeView(work, image, {VK_IMAGE_VIEW_TYPE_2D_ARRAY}))}, q);
-  VkSampler sampler = makeSampler(work, samplerInfo());
+  VkSampler sampler = work.make(samplerInfo());
   auto a = probe(work, "layout(binding = 2) uniform usampler2DArray image;",
                  "ivec4 p = ivec4(ask(0)); uvec4 t = texelFetch(image, p.xyz, 0), u = texture(image, vec3((vec2(p.xy) + 0.5) / 16384.0, p.z));\n"
                  "answer = vec4(t == uvec4(p.x, p.y, p.z, 77), u == t, 0, 0);",
@@ -307,7 +307,7 @@ TEST_F(ImagesWithPeer, BlitsScaleVolumesAndArrays) {
       for (int z = 0; z < (volume ? 5 : 4); ++z)
         for (int y = 0; y < 13; ++y)
           for (int x = 0; x < 21; ++x) q.push_back({x, y, z, 0});
-      VkSampler sampler = makeSampler(work, samplerInfo());
+      VkSampler sampler = work.make(samplerInfo());
       VkImageViewType type = volume ? VK_IMAGE_VIEW_TYPE_3D : VK_IMAGE_VIEW_TYPE_2D_ARRAY;
       std::string kind = volume ? "sampler3D" : "sampler2DArray";
       answers[d] = probe(work, "layout(binding = 2) uniform " + kind + " image;", "answer = texelFetch(image, ivec3(ask(0).xyz), 0);",

@@ -1,19 +1,11 @@
 // Questions to a driver's texture unit: a compute shader asks, storage buffers carry exact answers.
 #pragma once
 
-#include "cts_subset/tests/devices.h"
+#include "cts_subset/tests/graphics.h"
 
 #include <glm/glm.hpp>
 
-
 namespace pumice::cts {
-
-template <typename T>
-T structure(VkStructureType type) {
-  T s{};
-  s.sType = type;
-  return s;
-}
 
 struct ViewSpec {
   VkImageViewType type = VK_IMAGE_VIEW_TYPE_2D;
@@ -49,10 +41,6 @@ inline VkSamplerCreateInfo samplerInfo(VkFilter filter = VK_FILTER_NEAREST,
   return info;
 }
 
-inline VkSampler makeSampler(Workspace& work, const VkSamplerCreateInfo& info) {
-  return work.make(info);
-}
-
 inline Binding sampledBinding(VkImageView view, VkSampler sampler, VkImageLayout layout = VK_IMAGE_LAYOUT_GENERAL) {
   Binding b{VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER};
   b.image = {sampler, view, layout};
@@ -72,12 +60,9 @@ inline std::vector<glm::vec4> probe(Workspace& work, const std::string& declarat
   const uint32_t count = uint32_t(questions.size()) / perQuestion;
   Buffer in = work.bufferOf(questions, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
   Buffer out = work.buffer(VkDeviceSize(count) * 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-  std::vector<Binding> all(2, Binding{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER});
-  all[0].buffer = {in.handle, 0, VK_WHOLE_SIZE};
-  all[1].buffer = {out.handle, 0, VK_WHOLE_SIZE};
+  std::vector<Binding> all = {bufferBinding(in), bufferBinding(out)};
   all.insert(all.end(), bindings.begin(), bindings.end());
 
-  VkDevice d = work.device.handle;
   VkShaderModule module = work.shader(VK_SHADER_STAGE_COMPUTE_BIT, R"(#version 450
 #extension GL_EXT_shader_image_load_formatted : enable
 layout(local_size_x = 64) in;
@@ -91,53 +76,13 @@ void main() {
   vec4 answer = vec4(0);
 )" + body + "\n  a[gl_GlobalInvocationID.x] = answer;\n}\n");
 
-  std::vector<VkDescriptorSetLayoutBinding> layout;
-  std::vector<VkDescriptorPoolSize> sizes;
-  for (uint32_t i = 0; i < all.size(); ++i) {
-    layout.push_back({i, all[i].type, 1, VK_SHADER_STAGE_COMPUTE_BIT, nullptr});
-    sizes.push_back({all[i].type, 1});
-  }
-  auto setInfo = structure<VkDescriptorSetLayoutCreateInfo>(VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO);
-  setInfo.bindingCount = uint32_t(layout.size());
-  setInfo.pBindings = layout.data();
-  VkDescriptorSetLayout setLayout = work.make(setInfo);
-  auto poolInfo = structure<VkDescriptorPoolCreateInfo>(VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO);
-  poolInfo.maxSets = 1;
-  poolInfo.poolSizeCount = uint32_t(sizes.size());
-  poolInfo.pPoolSizes = sizes.data();
-  VkDescriptorPool pool = work.make(poolInfo);
-  VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1, &setLayout};
-  VkDescriptorSet set = VK_NULL_HANDLE;
-  check(vkAllocateDescriptorSets(d, &allocate, &set), "vkAllocateDescriptorSets");
-  for (uint32_t i = 0; i < all.size(); ++i) {
-    auto write = structure<VkWriteDescriptorSet>(VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET);
-    write.dstSet = set;
-    write.dstBinding = i;
-    write.descriptorCount = 1;
-    write.descriptorType = all[i].type;
-    write.pBufferInfo = &all[i].buffer;
-    write.pImageInfo = &all[i].image;
-    write.pTexelBufferView = &all[i].texels;
-    vkUpdateDescriptorSets(d, 1, &write, 0, nullptr);
-  }
-  VkPushConstantRange push{VK_SHADER_STAGE_COMPUTE_BIT, 0, 4};
-  auto layoutInfo = structure<VkPipelineLayoutCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO);
-  layoutInfo.setLayoutCount = 1;
-  layoutInfo.pSetLayouts = &setLayout;
-  layoutInfo.pushConstantRangeCount = 1;
-  layoutInfo.pPushConstantRanges = &push;
-  VkPipelineLayout pipelineLayout = work.make(layoutInfo);
-  auto info = structure<VkComputePipelineCreateInfo>(VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO);
-  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-  info.stage.module = module;
-  info.stage.pName = "main";
-  info.layout = pipelineLayout;
-  VkPipeline pipeline = work.make(info);
+  DescriptorSet set = work.descriptors(all);
+  VkPipelineLayout pipelineLayout = makePipelineLayout(work, {set.layout}, 4);
+  VkPipeline pipeline = makeCompute(work, module, pipelineLayout);
   work.device.run([&](VkCommandBuffer commands) {
     fullBarrier(commands);
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelineLayout, 0, 1, &set, 0, nullptr);
+    vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipelineLayout, 0, 1, &set.handle, 0, nullptr);
     vkCmdPushConstants(commands, pipelineLayout, VK_SHADER_STAGE_COMPUTE_BIT, 0, 4, &count);
     vkCmdDispatch(commands, (count + 63) / 64, 1, 1);
     fullBarrier(commands);
@@ -163,88 +108,31 @@ struct Painting {
 };
 
 inline void paint(Workspace& work, VkImageView view, VkFormat format, const Painting& p) {
-  VkAttachmentDescription attachment{};
-  attachment.format = format;
-  attachment.samples = p.samples;
-  attachment.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
-  attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
-  attachment.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
-  attachment.stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
-  attachment.initialLayout = attachment.finalLayout = VK_IMAGE_LAYOUT_GENERAL;
-  VkAttachmentReference reference{0, VK_IMAGE_LAYOUT_GENERAL};
-  VkSubpassDescription subpass{};
-  subpass.colorAttachmentCount = 1;
-  subpass.pColorAttachments = &reference;
-  auto passInfo = structure<VkRenderPassCreateInfo>(VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO);
-  passInfo.attachmentCount = passInfo.subpassCount = 1;
-  passInfo.pAttachments = &attachment;
-  passInfo.pSubpasses = &subpass;
-  VkRenderPass pass = work.make(passInfo);
-  auto targetInfo = structure<VkFramebufferCreateInfo>(VK_STRUCTURE_TYPE_FRAMEBUFFER_CREATE_INFO);
-  targetInfo.renderPass = pass;
-  targetInfo.attachmentCount = 1;
-  targetInfo.pAttachments = &view;
-  targetInfo.width = p.extent.width;
-  targetInfo.height = p.extent.height;
-  targetInfo.layers = p.layers;
-  VkFramebuffer target = work.make(targetInfo);
-  auto layoutInfo = structure<VkPipelineLayoutCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO);
-  VkPipelineLayout layout = work.make(layoutInfo);
-
-  VkPipelineShaderStageCreateInfo stages[2] = {};
-  for (int i = 0; i < 2; ++i) {
-    stages[i].sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-    stages[i].stage = i ? VK_SHADER_STAGE_FRAGMENT_BIT : VK_SHADER_STAGE_VERTEX_BIT;
-    stages[i].module = work.shader(stages[i].stage, i ? p.fragment : p.vertex);
-    stages[i].pName = "main";
-  }
-  VkVertexInputBindingDescription binding{0, p.stride, VK_VERTEX_INPUT_RATE_VERTEX};
-  VkVertexInputAttributeDescription attribute{0, 0, p.attribute, 0};
-  auto input = structure<VkPipelineVertexInputStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_VERTEX_INPUT_STATE_CREATE_INFO);
+  VkAttachmentDescription2 kept = attachmentOf(format, p.samples);
+  kept.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+  const VkAttachmentReference2 reference = referenceTo(0, VK_IMAGE_ASPECT_COLOR_BIT);
+  GraphicsSpec spec;
+  spec.shaders = ShaderTarget::kVulkan10;
+  spec.vertex = p.vertex;
+  spec.fragment = p.fragment;
+  spec.pass = makePass(work, {kept}, {subpass(&reference)});
+  spec.colorCount = 1;
+  spec.samples = p.samples;
+  if (p.points) spec.topology = VK_PRIMITIVE_TOPOLOGY_POINT_LIST;
+  if (p.blend)
+    spec.blends = {{VK_TRUE, VK_BLEND_FACTOR_SRC_ALPHA, VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA, VK_BLEND_OP_ADD, VK_BLEND_FACTOR_SRC_ALPHA,
+                    VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA, VK_BLEND_OP_ADD, 0xf}};
   if (p.attribute) {
-    input.vertexBindingDescriptionCount = input.vertexAttributeDescriptionCount = 1;
-    input.pVertexBindingDescriptions = &binding;
-    input.pVertexAttributeDescriptions = &attribute;
+    spec.bindings = {{0, p.stride, VK_VERTEX_INPUT_RATE_VERTEX}};
+    spec.attributes = {{0, 0, p.attribute, 0}};
   }
-  auto assembly = structure<VkPipelineInputAssemblyStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_INPUT_ASSEMBLY_STATE_CREATE_INFO);
-  assembly.topology = p.points ? VK_PRIMITIVE_TOPOLOGY_POINT_LIST : VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
-  VkViewport viewport{0, 0, float(p.extent.width), float(p.extent.height), 0, 1};
-  VkRect2D scissor{{0, 0}, p.extent};
-  auto viewports = structure<VkPipelineViewportStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO);
-  viewports.viewportCount = viewports.scissorCount = 1;
-  viewports.pViewports = &viewport;
-  viewports.pScissors = &scissor;
-  auto raster = structure<VkPipelineRasterizationStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO);
-  raster.lineWidth = 1;
-  auto multisample = structure<VkPipelineMultisampleStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO);
-  multisample.rasterizationSamples = p.samples;
-  VkPipelineColorBlendAttachmentState blending{};
-  blending.colorWriteMask = 0xf;
-  blending.blendEnable = p.blend;
-  blending.srcColorBlendFactor = blending.srcAlphaBlendFactor = VK_BLEND_FACTOR_SRC_ALPHA;
-  blending.dstColorBlendFactor = blending.dstAlphaBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
-  auto colour = structure<VkPipelineColorBlendStateCreateInfo>(VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO);
-  colour.attachmentCount = 1;
-  colour.pAttachments = &blending;
-  auto info = structure<VkGraphicsPipelineCreateInfo>(VK_STRUCTURE_TYPE_GRAPHICS_PIPELINE_CREATE_INFO);
-  info.stageCount = 2;
-  info.pStages = stages;
-  info.pVertexInputState = &input;
-  info.pInputAssemblyState = &assembly;
-  info.pViewportState = &viewports;
-  info.pRasterizationState = &raster;
-  info.pMultisampleState = &multisample;
-  info.pColorBlendState = &colour;
-  info.layout = layout;
-  info.renderPass = pass;
-  VkPipeline pipeline = work.make(info);
+  VkPipeline pipeline = makeGraphics(work, makePipelineLayout(work, {}), spec);
+  VkFramebuffer target = work.framebufferOf(spec.pass, {view}, p.extent, p.layers);
   work.device.run([&](VkCommandBuffer commands) {
     fullBarrier(commands);
-    auto begin = structure<VkRenderPassBeginInfo>(VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO);
-    begin.renderPass = pass;
-    begin.framebuffer = target;
-    begin.renderArea = scissor;
+    VkRenderPassBeginInfo begin{VK_STRUCTURE_TYPE_RENDER_PASS_BEGIN_INFO, nullptr, spec.pass, target, {{0, 0}, p.extent}, 0, nullptr};
     vkCmdBeginRenderPass(commands, &begin, VK_SUBPASS_CONTENTS_INLINE);
+    wholeTarget(commands, p.extent);
     vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline);
     VkDeviceSize zero = 0;
     if (p.vertices) vkCmdBindVertexBuffers(commands, 0, 1, &p.vertices, &zero);

@@ -133,7 +133,7 @@ TEST_F(SamplingWithPeer, EveryViewTypeFilterAndAddressMode) {
           info.maxLod = 2.6f;
           return probe(work, std::string("layout(binding = 2) uniform ") + s.sampler + " image;",
                        std::string("vec4 p = ask(0); answer = textureLod(image, ") + s.place + ", p.w * 2);",
-                       {sampledBinding(makeView(work, image, {s.type}), makeSampler(work, info))}, q);
+                       {sampledBinding(makeView(work, image, {s.type}), work.make(info))}, q);
         };
         EXPECT_EQ(compareWithPeer(q, kind ? kWeights * 1.5 : 1e-5, kOtherTexels, ask), "");
       }
@@ -153,7 +153,7 @@ TEST_P(Sampling, SizesAndLevels) {
     Image image = randomImage(work, spec, 4);
     auto a = probe(work, std::string("layout(binding = 2) uniform ") + s.sampler + " image;",
                    std::string("answer = ") + s.size + "; answer.w = textureQueryLevels(image);",
-                   {sampledBinding(makeView(work, image, {s.type}), makeSampler(work, samplerInfo()))}, {{0, 0, 0, 0}});
+                   {sampledBinding(makeView(work, image, {s.type}), work.make(samplerInfo()))}, {{0, 0, 0, 0}});
     glm::vec4 want(s.extent.width / 2, 0, 0, 4);
     int at = 1;
     if (s.imageType != VK_IMAGE_TYPE_1D) want[at++] = float(s.extent.height / 2);
@@ -180,7 +180,7 @@ TEST_F(SamplingWithPeer, DepthComparison) {
           auto info = samplerInfo(filter, VK_SAMPLER_ADDRESS_MODE_REPEAT);
           info.compareEnable = VK_TRUE;
           info.compareOp = op;
-          VkSampler sampler = makeSampler(work, info);
+          VkSampler sampler = work.make(info);
           ViewSpec view{VK_IMAGE_VIEW_TYPE_2D_ARRAY};
           return probe(work, "layout(binding = 2) uniform sampler2DArrayShadow image; layout(binding = 3) uniform samplerCubeShadow cube;",
                        "vec4 p = ask(0);\n"
@@ -227,7 +227,7 @@ TEST_P(Sampling, GatherWithOffsets) {
     auto offset = [&] { return low + int32_t(random() % uint32_t(high - low + 1)); };
     q.push_back({(float(random() % 64) + 0.75f) / kSide, (float(random() % 64) + 0.25f) / kSide, offset(), offset()});
   }
-  auto view = sampledBinding(makeView(work, image, {}), makeSampler(work, samplerInfo(VK_FILTER_NEAREST, VK_SAMPLER_ADDRESS_MODE_REPEAT)));
+  auto view = sampledBinding(makeView(work, image, {}), work.make(samplerInfo(VK_FILTER_NEAREST, VK_SAMPLER_ADDRESS_MODE_REPEAT)));
   auto variable = probe(work, "layout(binding = 2) uniform usampler2D image;", "answer = vec4(textureGatherOffset(image, ask(0).xy, ivec2(ask(0).zw), 1));", {view}, q);
   auto four = probe(work, "layout(binding = 2) uniform usampler2D image;\nconst ivec2 o[4] = ivec2[](ivec2(-8, 7), ivec2(3, -2), ivec2(0, 0), ivec2(7, -8));",
                     "answer = vec4(textureGatherOffsets(image, ask(0).xy, o, 0));", {view}, q);
@@ -257,7 +257,7 @@ TEST_P(Sampling, UnnormalisedCoordinates) {
   auto a = probe(work, "layout(binding = 2) uniform sampler2D image;",
                  "ivec2 i = ivec2(floor(ask(0).xy)); bool inside = all(greaterThanEqual(i, ivec2(0))) && all(lessThan(i, textureSize(image, 0)));\n"
                  "answer = abs(textureLod(image, ask(0).xy, 0.0) - (inside ? texelFetch(image, i, 0) : vec4(1)));",
-                 {sampledBinding(makeView(work, image, {}), makeSampler(work, info))}, q);
+                 {sampledBinding(makeView(work, image, {}), work.make(info))}, q);
   for (size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i], glm::vec4(0)) << q[i].x << ", " << q[i].y;
 }
 
@@ -290,7 +290,7 @@ TEST_P(Sampling, MinimumAndMaximum) {
                          (mode == VK_SAMPLER_REDUCTION_MODE_MIN ? "min" : "max") +
                          "(m, texelFetch(image, (i + ivec2(n & 1, n >> 1)) & 15, 0));\n"
                          "answer = abs(textureLod(image, ask(0).xy, 0.0) - m);",
-                     {sampledBinding(makeView(work, image, {}), makeSampler(work, info))}, q);
+                     {sampledBinding(makeView(work, image, {}), work.make(info))}, q);
       for (size_t i = 0; i < a.size(); ++i) ASSERT_EQ(a[i].x, 0.0f) << format << " mode " << mode << " at " << q[i].x << ", " << q[i].y;
     }
   }
@@ -317,12 +317,12 @@ TEST_P(Sampling, CustomBorders) {
   auto info = samplerInfo(VK_FILTER_NEAREST, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER);
   info.borderColor = VK_BORDER_COLOR_FLOAT_CUSTOM_EXT;
   info.pNext = &custom;
-  VkSampler first = makeSampler(work, info);
+  VkSampler first = work.make(info);
   const int32_t kValues[4] = {-5, 1 << 30, 77, -1};
   std::memcpy(custom.customBorderColor.int32, kValues, sizeof kValues);
   custom.format = VK_FORMAT_R32G32B32A32_SINT;
   info.borderColor = VK_BORDER_COLOR_INT_CUSTOM_EXT;
-  VkSampler second = makeSampler(work, info);
+  VkSampler second = work.make(info);
   auto a = probe(work, "layout(binding = 2) uniform sampler2D image; layout(binding = 3) uniform isampler2D integers;",
                  "answer = ask(0).z == 0 ? textureLod(image, ask(0).xy, 0.0) : intBitsToFloat(textureLod(integers, ask(0).xy, 0.0));",
                  {sampledBinding(makeView(work, image, {}), first), sampledBinding(makeView(work, integers, {}), second)}, {{-0.5f, 0.5f, 0, 0}, {0.5f, 1.5f, 1, 0}});
@@ -345,10 +345,10 @@ TEST_P(Sampling, AnisotropicFootprints) {
   spec.mips = 7;
   Image image = randomImage(work, spec, 4);
   auto info = samplerInfo(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_REPEAT, VK_SAMPLER_MIPMAP_MODE_LINEAR);
-  VkSampler plain = makeSampler(work, info);
+  VkSampler plain = work.make(info);
   info.anisotropyEnable = VK_TRUE;
   info.maxAnisotropy = 16;
-  VkSampler anisotropic = makeSampler(work, info);
+  VkSampler anisotropic = work.make(info);
   std::mt19937 random(12);
   auto uniform = [&](double a, double b) { return a + (b - a) * (random() / 4294967296.0); };
   std::vector<glm::vec4> q;  // place; axes of the ellipse: angle, major, minor in texels
@@ -386,7 +386,7 @@ TEST_P(Sampling, MinLodOfTheShader) {
   auto info = samplerInfo(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_REPEAT, VK_SAMPLER_MIPMAP_MODE_LINEAR);
   auto a = probe(work, "#extension GL_ARB_sparse_texture_clamp : require\nlayout(binding = 2) uniform sampler2D image;",
                  "vec4 p = ask(0); answer = abs(textureGradClampARB(image, p.xy, vec2(exp2(p.z) / 32, 0), vec2(0), p.w + 1) - textureLod(image, p.xy, max(p.z, p.w + 1)));",
-                 {sampledBinding(makeView(work, image, {}), makeSampler(work, info))}, places(500, 4));
+                 {sampledBinding(makeView(work, image, {}), work.make(info))}, places(500, 4));
   for (glm::vec4 v : a) ASSERT_LE(std::max({v.x, v.y, v.z, v.w}), 2e-3f);
 }
 
