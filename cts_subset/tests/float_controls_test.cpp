@@ -1,5 +1,6 @@
 // What the device promises of denormal numbers, signed zeros, infinities, NaN and rounding, asked for by execution modes.
 #include "cts_subset/tests/compute.h"
+#include "tests/support/compute_module.h"
 
 #include <bit>
 #include <cmath>
@@ -17,92 +18,40 @@ const char* const kCode[kOperations] = {
     "%v2 = OpFMul %T %a %b\n",
     "%v3 = OpFDiv %T %a %b\n",
     "%v4 = OpFNegate %T %a\n",
-    "%v5 = OpExtInst %T %ext FAbs %a\n",
-    "%v6 = OpExtInst %T %ext NMin %a %b\n",
-    "%v7 = OpExtInst %T %ext NMax %a %b\n",
+    "%v5 = OpExtInst %T %glsl FAbs %a\n",
+    "%v6 = OpExtInst %T %glsl NMin %a %b\n",
+    "%v7 = OpExtInst %T %glsl NMax %a %b\n",
     "%wa = OpFConvert %W %a\n%wb = OpFConvert %W %b\n%wp = OpFMul %W %wa %wb\n%v8 = OpFConvert %T %wp\n",
-    "%v9 = OpExtInst %T %ext Sqrt %a\n",
+    "%v9 = OpExtInst %T %glsl Sqrt %a\n",
     "%less = OpFOrdLessThan %bool %a %b\n%v10 = OpSelect %T %less %one %zero\n",
     "%other = OpFUnordNotEqual %bool %a %b\n%v11 = OpSelect %T %other %one %zero\n",
 };
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size()) text.replace(at, from.size(), to);
-  return text;
-}
-
 std::string moduleFor(const std::string& mode, uint32_t width, bool wider) {
   const std::string w = std::to_string(width);
-  std::string s = "OpCapability Shader\n";
-  if (width == 16) s += "OpCapability Float16\nOpCapability StorageBuffer16BitAccess\n";
-  if (width == 64 || (width == 32 && wider)) s += "OpCapability Float64\n";
-  s += "OpCapability " + mode + R"(
-OpExtension "SPV_KHR_float_controls"
-%ext = OpExtInstImport "GLSL.std.450"
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %id %in %out
-OpExecutionMode %main LocalSize 64 1 1
-OpExecutionMode %main )" + mode + " " + w + R"(
-OpDecorate %id BuiltIn GlobalInvocationId
-OpDecorate %array ArrayStride )" + std::to_string(width / 8) + R"(
-OpDecorate %block Block
-OpMemberDecorate %block 0 Offset 0
-OpDecorate %in DescriptorSet 0
-OpDecorate %in Binding 0
-OpDecorate %out DescriptorSet 0
-OpDecorate %out Binding 1
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
-%T = OpTypeFloat )" + w + "\n" + (wider && width < 64 ? "%W = OpTypeFloat " + std::to_string(width * 2) + "\n" : "") + R"(%v3 = OpTypeVector %uint 3
-%idp = OpTypePointer Input %v3
-%uintin = OpTypePointer Input %uint
-%array = OpTypeRuntimeArray %T
-%block = OpTypeStruct %array
-%blockp = OpTypePointer StorageBuffer %block
-%element = OpTypePointer StorageBuffer %T
-%id = OpVariable %idp Input
-%in = OpVariable %blockp StorageBuffer
-%out = OpVariable %blockp StorageBuffer
-%0 = OpConstant %uint 0
-%1 = OpConstant %uint 1
-%2 = OpConstant %uint 2
-%count = OpConstant %uint 12
-%zero = OpConstant %T 0
-%one = OpConstant %T 1
-%main = OpFunction %void None %fn
-%entry = OpLabel
-%idx = OpAccessChain %uintin %id %0
-%i = OpLoad %uint %idx
-%ia = OpIMul %uint %i %2
-%ib = OpIAdd %uint %ia %1
-%pa = OpAccessChain %element %in %0 %ia
+  test::ComputeModule m{.buffers = {"%in", "%out"}, .element = "%T", .elementType = "%T = OpTypeFloat " + w + "\n", .elementBytes = width / 8};
+  if (width == 16) m.head += "OpCapability Float16\nOpCapability StorageBuffer16BitAccess\n";
+  if (width == 64 || (width == 32 && wider)) m.head += "OpCapability Float64\n";
+  m.head += "OpCapability " + mode + "\nOpExtension \"SPV_KHR_float_controls\"\n";
+  m.modes = "OpExecutionMode %main " + mode + " " + w + "\n";
+  m.types = "%count = OpConstant %uint " + std::to_string(kOperations) + "\n%zero = OpConstant %T 0\n%one = OpConstant %T 1\n";
+  if (wider && width < 64) m.types += "%W = OpTypeFloat " + std::to_string(width * 2) + "\n";
+  m.body = test::kInvocation + std::string(R"(
+%ia = OpIMul %uint %i %n2
+%ib = OpIAdd %uint %ia %n1
+%pa = OpAccessChain %ptr %in %n0 %ia
 %a = OpLoad %T %pa
-%pb = OpAccessChain %element %in %0 %ib
+%pb = OpAccessChain %ptr %in %n0 %ib
 %b = OpLoad %T %pb
 %first = OpIMul %uint %i %count
-)";
-  s = replaced(s, "%v3 = OpTypeVector", "%uint3 = OpTypeVector");
-  s = replaced(s, "Input %v3", "Input %uint3");
+)");
   for (int k = 0; k < kOperations; k++) {
     const std::string n = std::to_string(k);
-    if (k == kThroughWider && (!wider || width == 64))
-      s += "%v8 = OpFMul %T %a %b\n";
-    else
-      s += kCode[k];
-    s += "%k" + n + " = OpConstant %uint " + n + "\n";
-    s += "%at" + n + " = OpIAdd %uint %first %k" + n + "\n%p" + n + " = OpAccessChain %element %out %0 %at" + n + "\nOpStore %p" + n + " %v" + n + "\n";
+    m.types += "%k" + n + " = OpConstant %uint " + n + "\n";
+    m.body += k == kThroughWider && (!wider || width == 64) ? "%v8 = OpFMul %T %a %b\n" : kCode[k];
+    m.body += "%at" + n + " = OpIAdd %uint %first %k" + n + "\n%p" + n + " = OpAccessChain %ptr %out %n0 %at" + n + "\nOpStore %p" + n + " %v" + n + "\n";
   }
-  s += "OpReturn\nOpFunctionEnd\n";
-  // Constants stand before functions.
-  std::string constants;
-  for (int k = 0; k < kOperations; k++) {
-    const std::string line = "%k" + std::to_string(k) + " = OpConstant %uint " + std::to_string(k) + "\n";
-    s = replaced(s, line, "");
-    constants += line;
-  }
-  return replaced(s, "%zero = OpConstant", constants + "%zero = OpConstant");
+  return textOf(m);
 }
 
 template <class T, class Bits, int kFraction>

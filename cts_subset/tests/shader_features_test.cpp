@@ -1,5 +1,6 @@
 // Features of shaders, each through a compute shader whose results are computed here too: types, memory, descriptors.
 #include "cts_subset/tests/compute.h"
+#include "tests/support/compute_module.h"
 
 #include <bit>
 #include <cmath>
@@ -206,21 +207,7 @@ void main() { r[0] = v[1].x; r[1] = v[2].z; r[2] = after; }
 TEST_P(ShaderFeatures, BufferDeviceAddress) {
   PUMICE_NEED_FEATURE(device().vulkan12.bufferDeviceAddress && device().features.shaderInt64);
   Workspace work(device());
-  VkDevice d = device().handle;
-  // Device addresses need memory allocated for them.
-  VkBufferCreateInfo info{VK_STRUCTURE_TYPE_BUFFER_CREATE_INFO, nullptr, 0, 4096, VK_BUFFER_USAGE_SHADER_DEVICE_ADDRESS_BIT | kStorage, VK_SHARING_MODE_EXCLUSIVE, 0, nullptr};
-  VkBuffer buffer = work.make(info);
-  VkMemoryRequirements needs;
-  vkGetBufferMemoryRequirements(d, buffer, &needs);
-  VkMemoryAllocateFlagsInfo flags{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_FLAGS_INFO, nullptr, VK_MEMORY_ALLOCATE_DEVICE_ADDRESS_BIT, 0};
-  VkMemoryAllocateInfo allocate{VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO, &flags, needs.size,
-                                device().memoryType(needs.memoryTypeBits, VK_MEMORY_PROPERTY_HOST_VISIBLE_BIT | VK_MEMORY_PROPERTY_HOST_COHERENT_BIT)};
-  VkDeviceMemory memory = work.make(allocate);
-  check(vkBindBufferMemory(d, buffer, memory, 0), "vkBindBufferMemory");
-  void* mapped = nullptr;
-  check(vkMapMemory(d, memory, 0, VK_WHOLE_SIZE, 0, &mapped), "vkMapMemory");
-  VkBufferDeviceAddressInfo ask{VK_STRUCTURE_TYPE_BUFFER_DEVICE_ADDRESS_INFO, nullptr, buffer};
-  uint64_t address = vkGetBufferDeviceAddress(d, &ask);
+  const auto [address, mapped] = addressedBuffer(work, 4096);
   ASSERT_NE(address, 0u);
   // A chain of nodes in strange order: value, padding, address of the next.
   struct Node {
@@ -404,74 +391,40 @@ TEST_P(ShaderFeatures, VariablePointers) {
   PUMICE_NEED_FEATURE(device().vulkan11.variablePointers);
   Words in(128);
   std::iota(in.begin(), in.end(), 1000u);
-  std::vector<uint32_t> spirv = assemble(R"(
-OpCapability Shader
-OpCapability VariablePointers
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %id %in %out %shared
-OpExecutionMode %main LocalSize 64 1 1
-OpDecorate %id BuiltIn LocalInvocationId
-OpDecorate %array ArrayStride 4
-OpDecorate %block Block
-OpMemberDecorate %block 0 Offset 0
-OpDecorate %in DescriptorSet 0
-OpDecorate %in Binding 0
-OpDecorate %out DescriptorSet 0
-OpDecorate %out Binding 1
-OpDecorate %element ArrayStride 4
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%bool = OpTypeBool
-%uint = OpTypeInt 32 0
-%v3 = OpTypeVector %uint 3
-%idp = OpTypePointer Input %v3
-%uintin = OpTypePointer Input %uint
-%array = OpTypeRuntimeArray %uint
-%block = OpTypeStruct %array
-%blockp = OpTypePointer StorageBuffer %block
-%element = OpTypePointer StorageBuffer %uint
+  test::ComputeModule m{.head = "OpCapability VariablePointers\n", .buffers = {"%in", "%out"}, .interface = "%shared"};
+  m.decorations = "OpDecorate %ptr ArrayStride 4\n";
+  m.types = R"(
+%n63 = OpConstant %uint 63
 %n64 = OpConstant %uint 64
+%n264 = OpConstant %uint 264
 %sarray = OpTypeArray %uint %n64
 %sarrayp = OpTypePointer Workgroup %sarray
 %selement = OpTypePointer Workgroup %uint
-%id = OpVariable %idp Input
-%in = OpVariable %blockp StorageBuffer
-%out = OpVariable %blockp StorageBuffer
 %shared = OpVariable %sarrayp Workgroup
-%0 = OpConstant %uint 0
-%1 = OpConstant %uint 1
-%2 = OpConstant %uint 2
-%3 = OpConstant %uint 3
-%63 = OpConstant %uint 63
-%264 = OpConstant %uint 264
-%main = OpFunction %void None %fn
-%entry = OpLabel
-%idx = OpAccessChain %uintin %id %0
-%i = OpLoad %uint %idx
+)";
+  m.body = test::kInvocation + std::string(R"(
 %mine = OpAccessChain %selement %shared %i
-%tripled = OpIMul %uint %i %3
+%tripled = OpIMul %uint %i %n3
 OpStore %mine %tripled
-OpControlBarrier %2 %2 %264
-%back = OpISub %uint %63 %i
-%a = OpAccessChain %element %in %0 %back
-%b = OpAccessChain %element %out %0 %i
-%bit = OpBitwiseAnd %uint %i %1
-%odd = OpIEqual %bool %bit %1
-%p = OpSelect %element %odd %a %b
-%q = OpPtrAccessChain %element %p %0
+OpControlBarrier %n2 %n2 %n264
+%back = OpISub %uint %n63 %i
+%a = OpAccessChain %ptr %in %n0 %back
+%b = OpAccessChain %ptr %out %n0 %i
+%bit = OpBitwiseAnd %uint %i %n1
+%odd = OpIEqual %bool %bit %n1
+%p = OpSelect %ptr %odd %a %b
+%q = OpPtrAccessChain %ptr %p %n0
 %v = OpLoad %uint %q
 %sa = OpAccessChain %selement %shared %back
-%sb = OpAccessChain %selement %shared %0
+%sb = OpAccessChain %selement %shared %n0
 %sp = OpSelect %selement %odd %sa %sb
 %sv = OpLoad %uint %sp
 %sum = OpIAdd %uint %v %sv
 %place = OpIAdd %uint %i %n64
-%target = OpAccessChain %element %out %0 %place
+%target = OpAccessChain %ptr %out %n0 %place
 OpStore %target %sum
-OpReturn
-OpFunctionEnd
 )");
-  Words r = runCompute(device(), spirv, in, 128);
+  Words r = runCompute(device(), assemble(textOf(m)), in, 128);
   Words expected;
   for (uint32_t i = 0; i < 64; i++) expected.push_back(i % 2 ? 1000 + 63 - i + 3 * (63 - i) : 0xcdcdcdcd);
   expect(Words(r.begin() + 64, r.end()), expected);
@@ -480,74 +433,47 @@ OpFunctionEnd
 TEST_P(ShaderFeatures, IntegerDotProduct) {
   PUMICE_NEED_FEATURE(device().vulkan13.shaderIntegerDotProduct && device().vulkan12.shaderInt8);
   Words in = {0x80ff7f01, 0x02037ffe, 0x7fffffff, 0xffffffff};
-  Words r = runCompute(device(), assemble(R"(
-OpCapability Shader
+  test::ComputeModule m{.lanes = 1, .buffers = {"%in", "%out"}};
+  m.head = R"(
 OpCapability Int8
 OpCapability DotProduct
 OpCapability DotProductInput4x8Bit
 OpCapability DotProductInput4x8BitPacked
 OpExtension "SPV_KHR_integer_dot_product"
-OpMemoryModel Logical GLSL450
-OpEntryPoint GLCompute %main "main" %in %out
-OpExecutionMode %main LocalSize 1 1 1
-OpDecorate %array ArrayStride 4
-OpDecorate %block Block
-OpMemberDecorate %block 0 Offset 0
-OpDecorate %in DescriptorSet 0
-OpDecorate %in Binding 0
-OpDecorate %out DescriptorSet 0
-OpDecorate %out Binding 1
-%void = OpTypeVoid
-%fn = OpTypeFunction %void
-%uint = OpTypeInt 32 0
-%int = OpTypeInt 32 1
-%char = OpTypeInt 8 1
-%c4 = OpTypeVector %char 4
-%array = OpTypeRuntimeArray %uint
-%block = OpTypeStruct %array
-%blockp = OpTypePointer StorageBuffer %block
-%element = OpTypePointer StorageBuffer %uint
-%in = OpVariable %blockp StorageBuffer
-%out = OpVariable %blockp StorageBuffer
-%0 = OpConstant %uint 0
-%1 = OpConstant %uint 1
-%2 = OpConstant %uint 2
-%3 = OpConstant %uint 3
-%4 = OpConstant %uint 4
-%main = OpFunction %void None %fn
-%entry = OpLabel
-%pa = OpAccessChain %element %in %0 %0
+)";
+  m.types = "%char = OpTypeInt 8 1\n%c4 = OpTypeVector %char 4\n";
+  m.body = R"(
+%pa = OpAccessChain %ptr %in %n0 %n0
 %a = OpLoad %uint %pa
-%pb = OpAccessChain %element %in %0 %1
+%pb = OpAccessChain %ptr %in %n0 %n1
 %b = OpLoad %uint %pb
-%pc = OpAccessChain %element %in %0 %2
+%pc = OpAccessChain %ptr %in %n0 %n2
 %c = OpLoad %uint %pc
-%pd = OpAccessChain %element %in %0 %3
+%pd = OpAccessChain %ptr %in %n0 %n3
 %d = OpLoad %uint %pd
 %s = OpSDot %int %a %b PackedVectorFormat4x8Bit
 %su = OpBitcast %uint %s
-%o0 = OpAccessChain %element %out %0 %0
+%o0 = OpAccessChain %ptr %out %n0 %n0
 OpStore %o0 %su
 %u = OpUDot %uint %a %b PackedVectorFormat4x8Bit
-%o1 = OpAccessChain %element %out %0 %1
+%o1 = OpAccessChain %ptr %out %n0 %n1
 OpStore %o1 %u
 %va = OpBitcast %c4 %a
 %vb = OpBitcast %c4 %b
 %m = OpSUDot %int %va %vb
 %mu = OpBitcast %uint %m
-%o2 = OpAccessChain %element %out %0 %2
+%o2 = OpAccessChain %ptr %out %n0 %n2
 OpStore %o2 %mu
 %big = OpBitcast %int %c
 %t = OpSDotAccSat %int %a %a %big PackedVectorFormat4x8Bit
 %tu = OpBitcast %uint %t
-%o3 = OpAccessChain %element %out %0 %3
+%o3 = OpAccessChain %ptr %out %n0 %n3
 OpStore %o3 %tu
 %us = OpUDotAccSat %uint %a %b %d PackedVectorFormat4x8Bit
-%o4 = OpAccessChain %element %out %0 %4
+%o4 = OpAccessChain %ptr %out %n0 %n4
 OpStore %o4 %us
-OpReturn
-OpFunctionEnd
-)"), in, 5);
+)";
+  Words r = runCompute(device(), assemble(textOf(m)), in, 5);
   int32_t sdot = 0, sudot = 0;
   uint32_t udot = 0;
   for (int i = 0; i < 4; i++) {
@@ -566,7 +492,6 @@ TEST_P(ShaderFeatures, DescriptorIndexing) {
                       f.shaderSampledImageArrayNonUniformIndexing && f.descriptorBindingSampledImageUpdateAfterBind);
   constexpr uint32_t kBuffers = 40, kImages = 150, kMost = 400;
   Workspace work(device());
-  VkDevice d = device().handle;
   std::vector<VkDescriptorSetLayoutBinding> bindings = {
       computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, kBuffers),
       computeBinding(2, VK_DESCRIPTOR_TYPE_UNIFORM_TEXEL_BUFFER, kBuffers), computeBinding(3, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, kMost)};
@@ -639,7 +564,7 @@ void main() {
       writes.push_back(writeBuffer(set, 3, VK_DESCRIPTOR_TYPE_SAMPLED_IMAGE, nullptr, k));
       writes.back().pImageInfo = &imageInfos[k];
     }
-    vkUpdateDescriptorSets(d, uint32_t(writes.size()), writes.data(), 0, nullptr);
+    vkUpdateDescriptorSets(device().handle, uint32_t(writes.size()), writes.data(), 0, nullptr);
   });
   Words expected;
   for (uint32_t i = 0; i < 64; i++) {
