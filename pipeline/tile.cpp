@@ -39,6 +39,7 @@ void TileWorker::finishClears(const uint64_t* written, uint32_t colors) {
       fill(tileRect_);
       continue;
     }
+    if ((written[0] & written[1] & written[2] & written[3]) == ~uint64_t(0)) continue;
     const int32_t left0 = int32_t(tileX_ * raster::kTileSize), top = int32_t(tileY_ * raster::kTileSize);
     for (uint32_t y = 0; y < raster::kTileSize; y += 4)
       for (uint32_t x = 0; x < raster::kTileSize;) {

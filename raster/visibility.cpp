@@ -431,9 +431,9 @@ bool Visibility::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
 
 void Visibility::ownedBlocks(uint64_t (&out)[kWords]) const {
   for (uint32_t w = 0; w < kWords; w++) {
-    out[w] = pending_[w];
-    for (uint64_t set = pending_[w]; set; set &= set - 1)
-      if (owner_[w * 64 + uint32_t(std::countr_zero(set))] == kMixed) out[w] &= ~(set & -set);
+    uint64_t mixed = 0;
+    for (uint32_t k = 0; k < 64 && pending_[w]; k += 16) mixed |= uint64_t(equalTo(owner_ + w * 64 + k, kMixed)) << k;
+    out[w] = pending_[w] & ~mixed;
   }
 }
 
