@@ -598,7 +598,7 @@ class Planner {
     }
     for (Value operand : o) use(operand, v);
     const bool whole = p_.wholeBlocks && (i.op == Op::TileLoad || i.op == Op::TileStore) && p_.regions[current_].mask == p_.regions[0].mask;
-    if (!whole && ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kRead)) && i.op != Op::Barrier) || i.op == Op::LoadConst) useMask(v);
+    if ((!whole && (ir::opInfo(i.op).flags & (ir::kEffect | ir::kRead)) && i.op != Op::Barrier) || i.op == Op::LoadConst) useMask(v);
     if (i.type != Type::None) define(v);
   }
 

@@ -112,18 +112,19 @@ TEST(JitMemory, quadsThatReadNeighboursInTwoRows) {
         %id2 = lshr i32 %id, %two
         %far = and i32 %id2, %one
         %far2 = shl i32 %far, %one
-        %x = iadd i32 %right, %far2
+        %x = or i32 %right, %far2
         %column = shl i32 %x, %three
         %row = imul i32 %down, %pitch
         %group = lshr i32 %id, %three
         %at = shl i32 %group, %six
-        %here = iadd i32 %column, %row
-        %there = iadd i32 %here, %at
+        %here = iadd i32 %row, %at
+        %there = iadd i32 %column, %here
         %strayed = const i32 )" + std::string(stray) + R"(
         %seventeen = const i32 17
         %is = ieq mask %id, %seventeen
-        %moved = iadd i32 %there, %strayed
-        %place = select i32 %is, %moved, %there
+        %moved = iadd i32 %here, %strayed
+        %from = select i32 %is, %moved, %here
+        %place = iadd i32 %from, %column
         %a = load i64 %ubase, %place, %usize
         output 0 %a
         %b = load.const i64 +4 %ubase, %there, %usize
