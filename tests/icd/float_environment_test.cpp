@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "base/fpenv.h"
+#include "tests/icd/dispatch.h"
 #include "tests/icd/graphics.h"
 
 namespace pumice::icd::test {
@@ -75,52 +76,15 @@ std::vector<uint32_t> compute(const Shaders& shaders) {
   VK(vkDestroyFramebuffer)(device.handle, framebuffer, nullptr);
   VK(vkDestroyRenderPass)(device.handle, pass, nullptr);
 
-  VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, VK_SHADER_STAGE_COMPUTE_BIT,
-                                       nullptr};
-  VkDescriptorSetLayoutCreateInfo setInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 1,
-                                          &binding};
-  VkDescriptorSetLayout setLayout = VK_NULL_HANDLE;
-  EXPECT_EQ(VK(vkCreateDescriptorSetLayout)(device.handle, &setInfo, nullptr, &setLayout), VK_SUCCESS);
-  VkPipelineLayoutCreateInfo layoutInfo{
-      VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 1, &setLayout, 0, nullptr};
-  EXPECT_EQ(VK(vkCreatePipelineLayout)(device.handle, &layoutInfo, nullptr, &layout), VK_SUCCESS);
-  VkShaderModule module = device.module(shaders.kernel);
-  VkComputePipelineCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO;
-  info.stage.sType = VK_STRUCTURE_TYPE_PIPELINE_SHADER_STAGE_CREATE_INFO;
-  info.stage.stage = VK_SHADER_STAGE_COMPUTE_BIT;
-  info.stage.module = module;
-  info.stage.pName = "main";
-  info.layout = layout;
-  EXPECT_EQ(VK(vkCreateComputePipelines)(device.handle, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
-            VK_SUCCESS);
-  VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1};
-  VkDescriptorPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 1, &size};
-  VkDescriptorPool pool = VK_NULL_HANDLE;
-  EXPECT_EQ(VK(vkCreateDescriptorPool)(device.handle, &poolInfo, nullptr, &pool), VK_SUCCESS);
-  VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1,
-                                       &setLayout};
-  VkDescriptorSet set = VK_NULL_HANDLE;
-  EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, &set), VK_SUCCESS);
-  TestDevice::Buffer buffer = device.buffer(4096);
-  for (uint32_t i = 0; i < 1024; i++)
-    buffer.words[i] = i * 40503u & 0x00ffffff;  // denormals and the smallest normals
-  VkDescriptorBufferInfo bufferInfo{buffer.handle, 0, VK_WHOLE_SIZE};
-  VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set,         0,      0, 1,
-                             VK_DESCRIPTOR_TYPE_STORAGE_BUFFER,      nullptr, &bufferInfo, nullptr};
-  VK(vkUpdateDescriptorSets)(device.handle, 1, &write, 0, nullptr);
-  commands = device.begin();
-  VK(vkCmdBindPipeline)(commands, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
-  VK(vkCmdBindDescriptorSets)(commands, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, 1, &set, 0, nullptr);
-  VK(vkCmdDispatch)(commands, 64, 1, 1);
-  device.run(commands);
-  out.insert(out.end(), buffer.words, buffer.words + 1024);
-  VK(vkDestroyDescriptorPool)(device.handle, pool, nullptr);
-  VK(vkDestroyPipeline)(device.handle, pipeline, nullptr);
-  VK(vkDestroyPipelineLayout)(device.handle, layout, nullptr);
-  VK(vkDestroyDescriptorSetLayout)(device.handle, setLayout, nullptr);
-  VK(vkDestroyShaderModule)(device.handle, module, nullptr);
-  device.release(buffer);
+  uint32_t* words = nullptr;
+  dispatch(
+      device, shaders.kernel, 64,
+      [&](TestDevice&, VkCommandBuffer dispatched) {
+        for (uint32_t i = 0; i < 1024; i++) words[i] = i * 40503u & 0x00ffffff;  // denormals and the smallest normals
+        device.run(dispatched);
+        out.insert(out.end(), words, words + 1024);
+      },
+      4096, &words);
   device.release(pixels);
   return out;
 }
