@@ -109,11 +109,7 @@ TEST_P(X11, WindowShowsExactlyWhatWasPresented) {
         VkSurfaceCapabilitiesKHR c = client.capabilities(surface.handle);
         EXPECT_EQ(c.currentExtent.width, extent.width);
         EXPECT_EQ(c.currentExtent.height, extent.height);
-        ChainOptions options;
-        options.mode = mode;
-        options.format = format;
-        options.extent = extent;
-        Chain chain(client, surface.handle, options);
+        Chain chain(client, surface.handle, {.mode = mode, .format = format, .extent = extent});
         ASSERT_EQ(chain.created, VK_SUCCESS);
         EXPECT_GE(chain.images.size(), mode == VK_PRESENT_MODE_MAILBOX_KHR ? 3u : 2u);
         for (int frame = 0; frame < 3; frame++) {
@@ -160,9 +156,7 @@ TEST_P(X11, PicturesLargerThanARequestArriveWhole) {
   XObserver observer(large);
   XWindow window(large, library(), 1600, 1200);
   XSurface surface(client, window);
-  ChainOptions options;
-  options.extent = {1600, 1200};
-  Chain chain(client, surface.handle, options);
+  Chain chain(client, surface.handle, {.extent = {1600, 1200}});
   for (uint32_t seed = 1; seed < 4; seed++) {
     ASSERT_EQ(showNow(chain, window, seed), VK_SUCCESS);
     EXPECT_EQ(wrongPixels(observer.read(window.window, 1600, 1200), 1600, 1200, seed), 0);
@@ -211,9 +205,7 @@ TEST_P(X11, ResizeIsNoticedByAProgramThatReadsNoEvents) {
   XObserver observer(*server_);
   XWindow window(*server_, library(), 100, 80);
   XSurface surface(client, window);
-  ChainOptions options;
-  options.extent = {100, 80};
-  Chain chain(client, surface.handle, options);
+  Chain chain(client, surface.handle, {.extent = {100, 80}});
   ASSERT_EQ(chain.show(1), VK_SUCCESS);
   observer.resize(window.window, 90, 80);
   VkResult result = VK_SUCCESS;
@@ -253,9 +245,7 @@ TEST_P(X11, DestroyedWindowIsALostSurfaceAndNothingWorse) {
   // The connection is as good as before.
   XWindow other(*server_, library(), 20, 20);
   XSurface surface(client, other);
-  ChainOptions options;
-  options.extent = {20, 20};
-  Chain chain(client, surface.handle, options);
+  Chain chain(client, surface.handle, {.extent = {20, 20}});
   EXPECT_EQ(showNow(chain, other, 9), VK_SUCCESS);
   EXPECT_EQ(wrongPixels(observer.read(other.window, 20, 20), 20, 20, 9), 0);
 }
@@ -265,9 +255,7 @@ TEST_P(X11, FifoWithoutAVerticalBlankIsNotHeldBack) {
   XWindow window(*server_, library(), 64, 48);
   XSurface surface(client, window);
   for (VkPresentModeKHR mode : kModes) {
-    ChainOptions options;
-    options.mode = mode;
-    Chain chain(client, surface.handle, options);
+    Chain chain(client, surface.handle, {.mode = mode});
     auto begin = Clock::now();
     for (uint32_t seed = 0; seed < 300; seed++) ASSERT_EQ(chain.show(seed), VK_SUCCESS);
     vkDeviceWaitIdle(client.device);
@@ -308,9 +296,7 @@ TEST(X11Swapchain, AcquiringBeyondWhatIsFreeWaitsAsLongAsAsked) {
   Client client(xExtensions());
   XWindow window(server, Library::Xcb, 64, 48);
   XSurface surface(client, window);
-  ChainOptions options;
-  options.images = 4;
-  Chain chain(client, surface.handle, options);
+  Chain chain(client, surface.handle, {.images = 4});
   ASSERT_GE(chain.images.size(), 4u);
   std::vector<bool> seen(chain.images.size());
   for (size_t i = 0; i < chain.images.size(); i++) {
@@ -378,9 +364,7 @@ TEST(X11Visual, SixteenBitsPerPixelAreConverted) {
   XWindow window(server, Library::Xcb, 63, 48);  // rows are padded
   XSurface surface(client, window);
   EXPECT_TRUE(surface.supported());
-  ChainOptions options;
-  options.extent = {63, 48};
-  Chain chain(client, surface.handle, options);
+  Chain chain(client, surface.handle, {.extent = {63, 48}});
   ASSERT_EQ(showNow(chain, window, 3), VK_SUCCESS);
   auto pixels = observer.read(window.window, 63, 48);
   ASSERT_EQ(pixels.size(), 63u * 48);
@@ -402,9 +386,7 @@ TEST(X11Visual, ThirtyBitsPerPixelAreConverted) {
   XWindow window(server, Library::Xlib, 63, 48);
   XSurface surface(client, window);
   EXPECT_TRUE(surface.supported());
-  ChainOptions options;
-  options.extent = {63, 48};
-  Chain chain(client, surface.handle, options);
+  Chain chain(client, surface.handle, {.extent = {63, 48}});
   ASSERT_EQ(showNow(chain, window, 3), VK_SUCCESS);
   auto pixels = observer.read(window.window, 63, 48);
   ASSERT_EQ(pixels.size(), 63u * 48);
@@ -447,10 +429,7 @@ TEST(X11Visual, AlphaOfATranslucentWindowIsKeptOnlyIfAskedFor) {
   EXPECT_TRUE(client.capabilities(surface.handle).supportedCompositeAlpha &
               VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR);
   for (auto alpha : {VK_COMPOSITE_ALPHA_OPAQUE_BIT_KHR, VK_COMPOSITE_ALPHA_PRE_MULTIPLIED_BIT_KHR}) {
-    ChainOptions options;
-    options.alpha = alpha;
-    options.alphaByte = 0x40;
-    Chain chain(client, surface.handle, options);
+    Chain chain(client, surface.handle, {.alpha = alpha, .alphaByte = 0x40});
     ASSERT_EQ(showNow(chain, window, 3), VK_SUCCESS);
     auto pixels = observer.read(window.window, 64, 48);
     EXPECT_EQ(wrongPixels(pixels, 64, 48, 3), 0);
