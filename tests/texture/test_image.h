@@ -9,24 +9,30 @@
 
 namespace pumice::texture {
 
+inline VkImageCreateInfo imageInfo(VkFormat format, VkImageType type, VkExtent3D extent, uint32_t levels = 1, uint32_t layers = 1,
+                                   VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT, VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL,
+                                   VkImageUsageFlags usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT) {
+  VkImageCreateInfo i{};
+  i.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
+  i.format = format;
+  i.imageType = type;
+  i.extent = extent;
+  i.mipLevels = levels;
+  i.arrayLayers = layers;
+  i.samples = samples;
+  i.tiling = tiling;
+  i.usage = usage;
+  return i;
+}
+
 struct TestImage {
   ImageLayout layout;
   std::vector<uint64_t> storage;
 
   TestImage(VkFormat format, VkExtent3D extent, uint32_t levels = 1, uint32_t layers = 1, VkImageType type = VK_IMAGE_TYPE_2D,
             VkImageTiling tiling = VK_IMAGE_TILING_OPTIMAL, VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT,
-            VkImageUsageFlags usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT) {
-    VkImageCreateInfo i{};
-    i.sType = VK_STRUCTURE_TYPE_IMAGE_CREATE_INFO;
-    i.format = format;
-    i.imageType = type;
-    i.extent = extent;
-    i.mipLevels = levels;
-    i.arrayLayers = layers;
-    i.samples = samples;
-    i.usage = usage;
-    i.tiling = tiling;
-    layout = imageLayout(i);
+            VkImageUsageFlags usage = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT)
+      : layout(imageLayout(imageInfo(format, type, extent, levels, layers, samples, tiling, usage))) {
     storage.resize(layout.size / 8 + 8);
   }
 
