@@ -1,59 +1,20 @@
 // What an operation of the interpreter costs: nanoseconds per lane and operation, for rows of several
 // lengths; and a loop of arithmetic against the same program in C++.
-#include <benchmark/benchmark.h>
-
 #include <bit>
-#include <cstring>
 #include <string>
 
-#include "base/fpenv.h"
-#include "spirv_interp/interpreter/executor.h"
-#include "spirv_interp/ir/builder.h"
+#include "bench/lane_row.h"
 
 namespace pumice::interp {
 namespace {
 
 using ir::Builder, ir::Function, ir::Op, ir::Type, ir::Value;
 
-struct Bench {
-  alignas(64) std::byte rows[8][kMaxLanes * 8];
-  alignas(64) std::byte out[kMaxLanes * 8];
-  const void* inputs[8];
-  void* outputs[1] = {out};
-  Table tables[ir::kTableCount] = {};
-  float uniforms[16];
-  ExecContext context;
-
-  Bench() {
-    for (unsigned k = 0; k < 8; k++) {
-      inputs[k] = rows[k];
-      for (unsigned lane = 0; lane < kMaxLanes; lane++) {
-        const float x = 1.0f + float(lane * 3 + k) * 0x1p-7f;
-        std::memcpy(rows[k] + 4 * lane, &x, 4);
-      }
-      std::memcpy(rows[k] + 4 * kMaxLanes, rows[k], 4 * kMaxLanes);
-    }
-    for (unsigned k = 0; k < 16; k++) uniforms[k] = 0.5f + 0.01f * float(k);
-    tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(uniforms), sizeof uniforms};
-    context.lanes = kMaxLanes;
-    context.active[0] = context.active[1] = ~uint64_t(0);
-    context.inputs = inputs;
-    context.outputs = outputs;
-    context.tables = tables;
-  }
-
-  //! `operations`: how many of the interesting kind a lane executes in a run.
+struct Bench : LaneRow {
   void measure(benchmark::State& state, const Function& f, double operations) {
     auto compiled = compileInterpreter(f, {});
     if (!compiled) return state.SkipWithError(compiled.error().message.c_str());
-    base::ScopedFpEnv environment;
-    const UniformBank bank = (*compiled)->preamble(tables);
-    for (auto _ : state) {
-      (*compiled)->run(bank, context);
-      benchmark::ClobberMemory();
-    }
-    state.counters["per_lane_op"] = benchmark::Counter(operations * context.lanes,
-        benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+    LaneRow::measure(state, **compiled, operations);
     state.counters["code"] = double((*compiled)->instructionCount());
     state.counters["registers"] = double((*compiled)->registerBytes());
     state.SetLabel(interpreterTarget());
@@ -138,45 +99,17 @@ void local(benchmark::State& state) {
   bench.measure(state, f, 32);
 }
 
-// x, y, z of a map iterated 64 times: 12 operations an iteration.
-constexpr unsigned kIterations = 64;
-constexpr double kLoopOperations = kIterations * 12;
-
 void loop(benchmark::State& state) {
-  Function f;
-  Builder b(f);
-  const Value a = b.uniform(Type::F32, 4), c = b.uniform(Type::F32, 8);
-  const Value i = b.var(Type::I32);
-  Value v[3];
-  for (unsigned k = 0; k < 3; k++) {
-    v[k] = b.var(Type::F32);
-    b.set(v[k], b.input(Type::F32, k));
-  }
-  b.beginLoop();
-  const Value n = b.get(i);
-  b.beginIf(b.ule(b.i32(kIterations), n));
-  b.breakOut(0);
-  b.endIf();
-  const Value x = b.get(v[0]), y = b.get(v[1]), z = b.get(v[2]);
-  const Value x2 = b.fadd(b.fmul(x, a), b.fmul(y, z));
-  const Value y2 = b.fma(y, c, b.fmin(x2, b.f32(1)));
-  const Value z2 = b.fmul(b.fsub(z, y2), b.fmax(b.fmul(x2, c), a));
-  b.set(v[0], b.fmul(x2, c));
-  b.set(v[1], y2);
-  b.set(v[2], b.fadd(z2, x));
-  b.set(i, b.iadd(n, b.i32(1)));
-  b.endLoop();
-  for (Value r : v) b.output(0, b.get(r));
   Bench bench;
   bench.context.lanes = uint32_t(state.range(0));
-  bench.measure(state, f, kLoopOperations);
+  bench.measure(state, loopFunction(), kLoopOperations);
 }
 
 //! The same, a lane at a time, as a C++ compiler makes it at -O2.
 [[gnu::noinline]] void loopInCpp(const float* in0, const float* in1, const float* in2, float* out, float a, float c, unsigned lanes) {
   for (unsigned lane = 0; lane < lanes; lane++) {
     float x = in0[lane], y = in1[lane], z = in2[lane];
-    for (unsigned i = 0; i < kIterations; i++) {
+    for (unsigned i = 0; i < kLoopIterations; i++) {
       const float x2 = x * a + y * z;
       const float y2 = y * c + (x2 < 1.0f ? x2 : 1.0f);
       const float xc = x2 * c;
@@ -191,12 +124,11 @@ void loop(benchmark::State& state) {
 }
 void loopCpp(benchmark::State& state) {
   Bench bench;
-  auto row = [&](unsigned k) { return reinterpret_cast<const float*>(bench.rows[k]); };
   for (auto _ : state) {
-    loopInCpp(row(0), row(1), row(2), reinterpret_cast<float*>(bench.out), bench.uniforms[1], bench.uniforms[2], kMaxLanes);
+    loopInCpp(bench.floats(0), bench.floats(1), bench.floats(2), bench.result(), bench.uniforms[1], bench.uniforms[2], kMaxLanes);
     benchmark::ClobberMemory();
   }
-  state.counters["per_lane_op"] = benchmark::Counter(kLoopOperations * kMaxLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  bench.count(state, kLoopOperations);
 }
 
 void compile(benchmark::State& state) {

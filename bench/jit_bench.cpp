@@ -1,108 +1,32 @@
 // What machine code costs to make (per IR operation, up to 50,000), and what a loop of arithmetic gains by it: against
 // the interpreter and against the same loop in C++ for the same instruction set.
-#include <benchmark/benchmark.h>
-
 #include <cmath>
-#include <cstring>
 
-#include "base/fpenv.h"
-#include "spirv_interp/ir/builder.h"
+#include "bench/lane_row.h"
 #include "spirv_interp/jit/jit.h"
 
 namespace pumice::jit {
 namespace {
 
-using interp::kMaxLanes;
+using interp::kLoopIterations, interp::kLoopOperations, interp::kMaxLanes, interp::LaneRow, interp::loopFunction;
 using ir::Builder, ir::Function, ir::Op, ir::Type, ir::Value;
 
-struct Bench {
-  alignas(64) std::byte rows[8][kMaxLanes * 4];
-  alignas(64) std::byte out[kMaxLanes * 4];
-  const void* inputs[8];
-  void* outputs[1] = {out};
-  interp::Table tables[ir::kTableCount] = {};
-  float uniforms[16];
-  interp::ExecContext context;
-
-  Bench() {
-    for (unsigned k = 0; k < 8; k++) {
-      inputs[k] = rows[k];
-      for (unsigned lane = 0; lane < kMaxLanes; lane++) {
-        const float x = 1.0f + float(lane * 3 + k) * 0x1p-7f;
-        std::memcpy(rows[k] + 4 * lane, &x, 4);
-      }
-    }
-    for (unsigned k = 0; k < 16; k++) uniforms[k] = 0.5f + 0.01f * float(k);
-    tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(uniforms), sizeof uniforms};
-    context.lanes = kMaxLanes;
-    context.active[0] = context.active[1] = ~uint64_t(0);
-    context.inputs = inputs;
-    context.outputs = outputs;
-    context.tables = tables;
-  }
-};
-
-constexpr unsigned kIterations = 64;
-constexpr double kLoopOperations = kIterations * 12;
-
-//! x, y, z of a map iterated 64 times: 12 operations an iteration. `masked`: each lane has an end of its own.
-Function loopFunction(bool masked) {
-  Function f;
-  Builder b(f);
-  const Value a = b.uniform(Type::F32, 4), c = b.uniform(Type::F32, 8);
-  const Value i = b.var(Type::I32);
-  Value v[3];
-  for (unsigned k = 0; k < 3; k++) {
-    v[k] = b.var(Type::F32);
-    b.set(v[k], b.input(Type::F32, k));
-  }
-  const Value end = masked ? b.iadd(b.and_(b.laneId(), b.i32(0)), b.i32(kIterations)) : b.i32(kIterations);
-  b.beginLoop();
-  const Value n = b.get(i);
-  b.beginIf(b.ule(end, n));
-  b.breakOut(0);
-  b.endIf();
-  const Value x = b.get(v[0]), y = b.get(v[1]), z = b.get(v[2]);
-  const Value x2 = b.fadd(b.fmul(x, a), b.fmul(y, z));
-  const Value y2 = b.fma(y, c, b.fmin(x2, b.f32(1)));
-  const Value z2 = b.fmul(b.fsub(z, y2), b.fmax(b.fmul(x2, c), a));
-  b.set(v[0], b.fmul(x2, c));
-  b.set(v[1], y2);
-  b.set(v[2], b.fadd(z2, x));
-  b.set(i, b.iadd(n, b.i32(1)));
-  b.endLoop();
-  b.output(0, b.fadd(b.fadd(b.get(v[0]), b.get(v[1])), b.get(v[2])));
-  return f;
-}
-
-void measure(benchmark::State& state, const interp::Executable& e, double operations) {
-  Bench bench;
-  base::ScopedFpEnv environment;
-  const interp::UniformBank bank = e.preamble(bench.tables);
-  for (auto _ : state) {
-    e.run(bank, bench.context);
-    benchmark::ClobberMemory();
-  }
-  state.counters["per_lane_op"] =
-      benchmark::Counter(operations * kMaxLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
-}
-
 void loop(benchmark::State& state) {
-  auto e = compile(loopFunction(false), {}, {.chunkLanes = uint32_t(state.range(0))});
+  auto e = compile(loopFunction(), {}, {.chunkLanes = uint32_t(state.range(0))});
   if (!e) return state.SkipWithError(e.error().message.c_str());
-  measure(state, **e, kLoopOperations);
+  LaneRow().measure(state, **e, kLoopOperations);
 }
 void loopInterpreted(benchmark::State& state) {
-  auto e = interp::compileInterpreter(loopFunction(false), {});
+  auto e = interp::compileInterpreter(loopFunction(), {});
   if (!e) return state.SkipWithError(e.error().message.c_str());
-  measure(state, **e, kLoopOperations);
+  LaneRow().measure(state, **e, kLoopOperations);
 }
 
 //! The same in C++: what -O3 makes of it with 8 lanes, and one lane at a time as -O2 does.
 #define LOOP_BODY                                                                             \
   for (unsigned lane = 0; lane < kMaxLanes; lane++) {                                         \
     float x = in0[lane], y = in1[lane], z = in2[lane];                                        \
-    for (unsigned i = 0; i < kIterations; i++) {                                              \
+    for (unsigned i = 0; i < kLoopIterations; i++) {                                          \
       const float x2 = x * a + y * z;                                                         \
       const float y2 = __builtin_fmaf(y, c, x2 < 1.0f ? x2 : 1.0f);                           \
       const float xc = x2 * c;                                                                \
@@ -128,7 +52,7 @@ template <unsigned kUnroll>
       std::memcpy(&y[u], in1 + lane + 8 * u, 32);
       std::memcpy(&z[u], in2 + lane + 8 * u, 32);
     }
-    for (unsigned i = 0; i < kIterations; i++)
+    for (unsigned i = 0; i < kLoopIterations; i++)
 #pragma GCC unroll 4
       for (unsigned u = 0; u < kUnroll; u++) {
         const V x2 = x[u] * a + y[u] * z[u];
@@ -150,14 +74,12 @@ template <unsigned kUnroll>
 
 template <class F>
 void cpp(benchmark::State& state, F f) {
-  Bench bench;
-  auto row = [&](unsigned k) { return reinterpret_cast<const float*>(bench.rows[k]); };
+  LaneRow row;
   for (auto _ : state) {
-    f(row(0), row(1), row(2), reinterpret_cast<float*>(bench.out), bench.uniforms[1], bench.uniforms[2]);
+    f(row.floats(0), row.floats(1), row.floats(2), row.result(), row.uniforms[1], row.uniforms[2]);
     benchmark::ClobberMemory();
   }
-  state.counters["per_lane_op"] =
-      benchmark::Counter(kLoopOperations * kMaxLanes, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+  row.count(state, kLoopOperations);
 }
 
 //! Arithmetic on eight values in turn.
