@@ -143,21 +143,23 @@ struct FrontDraw {
   void run(FrontWorker& w, Chunk& chunk) const;
 
  private:
-  float* const* shade(FrontWorker& w) const;
+  template <typename T>
+  T* const* shade(FrontWorker& w) const;
 };
 
-//! Runs the vertex routine over the worker's list of vertices; null if memory is exhausted.
-float* const* FrontDraw::shade(FrontWorker& w) const {
+//! Runs the vertex routine over the worker's list of vertices; null if memory is exhausted. T: what its rows hold.
+template <typename T>
+T* const* FrontDraw::shade(FrontWorker& w) const {
   const uint32_t count = uint32_t(w.vertexIndex.size());
   const uint32_t padded = (count + interp::kMaxLanes - 1) / interp::kMaxLanes * interp::kMaxLanes;
   w.vertexIndex.resize(padded);
   w.vertexInstance.resize(padded);
-  float** rows = w.scratch.alloc<float*>(vertex.rowCount);
+  T** rows = w.scratch.alloc<T*>(vertex.rowCount);
   void** outputs = w.scratch.alloc<void*>(vertex.rowCount);
   uint32_t* inputs[2] = {w.scratch.alloc<uint32_t>(interp::kMaxLanes, 64), w.scratch.alloc<uint32_t>(interp::kMaxLanes, 64)};
   if (!rows || !outputs || !inputs[0] || !inputs[1]) return nullptr;
   for (uint32_t r = 0; r < vertex.rowCount; ++r)
-    if (!(rows[r] = w.scratch.alloc<float>(padded, 64))) return nullptr;
+    if (!(rows[r] = w.scratch.alloc<T>(padded, 64))) return nullptr;
 
   interp::ExecContext context;
   context.inputs = reinterpret_cast<const void* const*>(inputs);
@@ -209,8 +211,9 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
   }
   raster::VertexOutputs vertices;
   vertices.vertexCount = uint32_t(w.vertexIndex.size());
-  vertices.rows = shade(w);
-  if (!vertices.rows) {
+  if (vertex.wide) vertices.wideRows = shade<double>(w);
+  else vertices.rows = shade<float>(w);
+  if (!vertices.rows && !vertices.wideRows) {
     chunk.outOfMemory = true;
     return;
   }
@@ -364,7 +367,7 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   setup.depthFormat = fixed.depthStencilFormat;
   setup.lineWidth = state.lineWidth;
   setup.samples = fixed.samples;
-  setup.cellRecords = true;
+  setup.cellRecords = !vertex.wide;
   if (record.fragment) setup.varyings = record.fragment->varyings;
 
   const interp::UniformBank bank = vertex.code->preamble(record.tables);

@@ -22,6 +22,15 @@ Value toType(ir::Builder& b, Type want, Value v) {
   return b.convert(ir::typeBytes(want) > ir::typeBytes(have) ? Op::ZExt : Op::Trunc, want, v);
 }
 
+Value keepDouble(ir::Builder& b, Type want, Value v) {
+  if (b.type(v) == want) return v;
+  b.setInstFlags(ir::kInstKeep);
+  if (b.type(v) != Type::F64 && want != Type::F64) v = b.convert(Op::FToF, Type::F64, v);
+  v = b.convert(Op::FToF, want, v);
+  b.setInstFlags(0);
+  return v;
+}
+
 Value StageExpander::shaderInput(ir::Builder& b, Type type, uint32_t, uint32_t, std::span<const Value>) { return b.zero(type); }
 void StageExpander::shaderOutput(ir::Builder&, uint32_t, uint32_t, Value, std::span<const Value>) {}
 

@@ -10,6 +10,9 @@ namespace pumice::pipeline {
 //! A value converted to the type an abstract operation promises: same bits for 32-bit types, else a conversion of the value.
 ir::Value toType(ir::Builder& b, ir::Type want, ir::Value v);
 
+//! A conversion between f64 and a smaller float that rounds nothing in the oracle, to hand doubles from one routine to the next.
+ir::Value keepDouble(ir::Builder& b, ir::Type want, ir::Value v);
+
 //! DrawConstants' field as a draw-rate value.
 #define PUMICE_DRAW_FIELD(b, type, field) (b).uniform(ir::Type::type, uint32_t(offsetof(DrawConstants, field)))
 inline ir::Value drawField(ir::Builder& b, ir::Type type, size_t offset, uint32_t index) {

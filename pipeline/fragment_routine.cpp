@@ -25,6 +25,8 @@ namespace {
 
 constexpr uint32_t kSlotX = 0, kSlotY = 1, kSlotCoverage = 2, kSlotSample = 3, kSlotCentreX = 4, kSlotCentreY = 5, kSlotPassed = 0, kSlotShaded = 1;
 constexpr uint32_t kPlaneDepth = 0, kPlaneInverseW = 1, kPlaneVaryings = 2;
+//! Where a plane lies in a record.
+constexpr uint32_t planeOffset(uint32_t plane, bool wide) { return raster::kRecordPlanes + (wide ? 24 : 12) * plane; }
 constexpr uint64_t kSwapX = 0xb1, kSwapY = 0x4e;   // lanes 1 0 3 2 and 2 3 0 1 of a quad
 
 Value both(ir::Builder& b, Value x, Value y) { return !x ? y : !y ? x : b.maskAnd(x, y); }
@@ -68,7 +70,8 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
 class FragmentExpander : public StageExpander {
  public:
   FragmentExpander(const GraphicsPipeline& p, const FragmentKey& key, const frontend::Shader& shader, const ShaderTraits& t)
-      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(key.rows == Rows::WholeFlat) {}
+      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(key.rows == Rows::WholeFlat),
+        wide_(key.numerics == ir::Numerics::Oracle) {}
 
   void declare(ir::Builder& b) {
     const GraphicsState& s = pipeline_.state;
@@ -119,6 +122,8 @@ class FragmentExpander : public StageExpander {
       const Value wide = b.shl(b.convert(ir::Op::ZExt, Type::I64, words[1]), b.i64(32));
       return toType(b, type, b.or_(b.convert(ir::Op::ZExt, Type::I64, words[0]), wide));
     }
+    if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat && wide_ && ir::isFloat(type))
+      return keepDouble(b, type, b.quadLoad(Type::F64, planeOffset(kPlaneVaryings + it->second, true)));
     if (pipeline_.link.varyings[it->second].mode == raster::VaryingMode::Flat)
       return toType(b, type, ir::isFloat(type) ? toType(b, Type::F32, v) : v);
     if (operands.size() == 2)   // interpolateAtOffset
@@ -127,7 +132,7 @@ class FragmentExpander : public StageExpander {
       v = interpolateAtSample(b, it->second, [&](uint32_t s) { return b.ieq(operands[0], b.i32(s)); });
     else if (shader_.inputs[variable].sampling == frontend::SampleLocation::Centroid && pipeline_.state.samples > 1 && !traits_.perSample)
       v = interpolateAtSample(b, it->second, [&](uint32_t s) { return centroidSample(b, s); });
-    return toType(b, type, v);
+    return wide_ ? keepDouble(b, type, v) : toType(b, type, v);
   }
 
   void shaderOutput(ir::Builder& b, uint32_t variable, uint32_t component, Value value, std::span<const Value>) override {
@@ -202,6 +207,7 @@ class FragmentExpander : public StageExpander {
   const GraphicsPipeline& pipeline_;
   const ShaderTraits& traits_;
   const bool flat_;   //!< 1/w is 1
+  const bool wide_;   //!< records are
   std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
   Value depth_ = 0, sampleMask_ = 0, alpha_ = 0, killed_ = 0;
   Value x_ = 0, y_ = 0, covered_ = 0, fragDepth_ = 0, coverage_ = 0;
@@ -210,21 +216,23 @@ class FragmentExpander : public StageExpander {
   std::vector<Value> values_;
 };
 
-uint32_t planeOffset(uint32_t plane) { return raster::kRecordPlanes + 12 * plane; }
-
 //! The one way to evaluate a plane, for depth and varyings alike.
-Value evaluatePlane(ir::Builder& b, uint32_t plane, Value x, Value y) {
-  const uint32_t at = planeOffset(plane);
+Value evaluatePlane(ir::Builder& b, bool wide, uint32_t plane, Value x, Value y) {
+  const uint32_t at = planeOffset(plane, wide);
+  if (wide) {
+    const Value origin = b.quadLoad(Type::F64, at), dx = b.quadLoad(Type::F64, at + 8), dy = b.quadLoad(Type::F64, at + 16);
+    return keepDouble(b, Type::F32, b.fma(dx, keepDouble(b, Type::F64, x), b.fma(dy, keepDouble(b, Type::F64, y), origin)));
+  }
   const Value origin = b.quadLoad(Type::F32, at), dx = b.quadLoad(Type::F32, at + 4), dy = b.quadLoad(Type::F32, at + 8);
   return b.fma(dx, x, b.fma(dy, y, origin));
 }
 
 Value FragmentExpander::interpolate(ir::Builder& b, uint32_t varying, Value x, Value y) {
   const raster::VaryingMode mode = pipeline_.link.varyings[varying].mode;
-  if (mode == raster::VaryingMode::Flat) return b.quadLoad(Type::I32, planeOffset(kPlaneVaryings + varying));
-  const Value v = evaluatePlane(b, kPlaneVaryings + varying, x, y);
+  if (mode == raster::VaryingMode::Flat) return b.quadLoad(Type::I32, planeOffset(kPlaneVaryings + varying, wide_));
+  const Value v = evaluatePlane(b, wide_, kPlaneVaryings + varying, x, y);
   if (mode != raster::VaryingMode::Perspective || flat_) return v;   // times 1 is what it was
-  return b.fmul(v, b.fdiv(b.f32(1), evaluatePlane(b, kPlaneInverseW, x, y)));
+  return b.fmul(v, b.fdiv(b.f32(1), evaluatePlane(b, wide_, kPlaneInverseW, x, y)));
 }
 
 Value FragmentExpander::builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t component) {
@@ -232,7 +240,7 @@ Value FragmentExpander::builtinValue(ir::Builder& b, uint32_t builtIn, uint32_t 
     case kFragCoord:
       if (component == 0) return b.fadd(x_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellX)));
       if (component == 1) return b.fadd(y_, b.quadLoad(Type::F32, offsetof(raster::RecordHeader, cellY)));
-      return component == 2 ? fragDepth_ : flat_ ? b.f32(1) : evaluatePlane(b, kPlaneInverseW, x_, y_);
+      return component == 2 ? fragDepth_ : flat_ ? b.f32(1) : evaluatePlane(b, wide_, kPlaneInverseW, x_, y_);
     case kFrontFacing: return b.ine(b.quadLoad(Type::I32, offsetof(raster::RecordHeader, frontFacing)), b.i32(0));
     case kPrimitiveId: return b.quadLoad(Type::I32, offsetof(raster::RecordHeader, primitiveId));
     case kSampleMask: return coverage_;
@@ -332,6 +340,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const ShaderTraits t = traits(state, shader);
   auto routine = std::make_shared<FragmentRoutine>();
   routine->varyings = pipeline.link.varyings;
+  const bool wide = routine->wide = key.numerics == ir::Numerics::Oracle;
   routine->needsHelpers = t.needsHelpers;
   routine->perSample = t.perSample;
 
@@ -358,10 +367,10 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
 
   const auto locations = raster::sampleLocations(samples);
   const auto depthAt = [&](uint32_t sample) {
-    if (samples == 1) return clampDepth(b, pipeline, evaluatePlane(b, kPlaneDepth, x, y), false);
+    if (samples == 1) return clampDepth(b, pipeline, evaluatePlane(b, wide, kPlaneDepth, x, y), false);
     const Value sx = b.fadd(x, b.f32(float(locations[sample][0]) / 16.f - 0.5f));
     const Value sy = b.fadd(y, b.f32(float(locations[sample][1]) / 16.f - 0.5f));
-    return clampDepth(b, pipeline, evaluatePlane(b, kPlaneDepth, sx, sy), false);
+    return clampDepth(b, pipeline, evaluatePlane(b, wide, kPlaneDepth, sx, sy), false);
   };
 
   if (t.perSample) coverage = b.and_(coverage, sampleBit(0));
@@ -381,7 +390,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   if (run) b.beginIf(run);
   if (shader) {
     if (shaded) b.set(shaded, any ? b.select(any, b.i32(1), b.i32(0)) : b.i32(1));
-    expander.begin(b, x, y, any, clampDepth(b, pipeline, evaluatePlane(b, kPlaneDepth, x, y), false), coverage, rasterized);
+    expander.begin(b, x, y, any, clampDepth(b, pipeline, evaluatePlane(b, wide, kPlaneDepth, x, y), false), coverage, rasterized);
     if (t.guarded) ir::inlineShader(b, guardEffects(shader->function), expander);
     else ir::inlineShader(b, shader->function, expander);
   }

@@ -122,7 +122,8 @@ void QuadRow::setDraw(DrawRecord* draw) {
 const std::byte* QuadRow::makeRecord(const raster::Primitive& primitive, const DrawRecord& draw) {
   if (primitive.record) return primitive.record;
   const auto& varyings = draw.fragment->varyings;
-  const size_t bytes = raster::recordBytes(uint32_t(varyings.size()));
+  const bool wide = draw.fragment->wide;
+  const size_t bytes = (wide ? raster::wideRecordBytes : raster::recordBytes)(uint32_t(varyings.size()));
   if (recordBytes_ + bytes > kRecordBudget) {
     flush();
     dropRecords();
@@ -130,7 +131,7 @@ const std::byte* QuadRow::makeRecord(const raster::Primitive& primitive, const D
   std::byte* fresh = static_cast<std::byte*>(records_.allocBytes(bytes, 16));
   if (!fresh) return nullptr;
   recordBytes_ += bytes;
-  raster::fillRecord(primitive, varyings, tileX_ * raster::kGridCell, tileY_ * raster::kGridCell, fresh, draw.depthRanges[primitive.viewport]);
+  (wide ? raster::fillWideRecord : raster::fillRecord)(primitive, varyings, tileX_ * raster::kGridCell, tileY_ * raster::kGridCell, fresh, draw.depthRanges[primitive.viewport]);
   return fresh;
 }
 

@@ -50,10 +50,11 @@ struct FragmentKey {
 
 //! Vertex fetch + vertex shader. Inputs: slot 0 = VertexIndex (i32, base vertex added; also the index into
 //! per-vertex buffers), slot 1 = InstanceIndex (first instance added). Output slot r is row r of raster::VertexOutputs:
-//! 0..3 clip position, then `rows` below.
+//! 0..3 clip position, then `rows` below. The oracle's rows are wide (raster::VertexOutputs::wideRows).
 struct VertexRoutine {
   std::unique_ptr<interp::Executable> code;
   uint32_t rowCount = 4;
+  bool wide = false;
 };
 
 //! Interpolation, fragment shader, depth/stencil test, blending, packing. Input slots: 0 = x and 1 = y of the pixel
@@ -78,6 +79,7 @@ struct FragmentRoutine {
   std::unique_ptr<Sibling> siblings[kRowKinds];   //!< by Rows; of Any: null
   std::unique_ptr<interp::Executable> code;
   std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
+  bool wide = false;                        //!< the oracle's: reads wide records
   bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes
   bool perSample = false;                   //!< to be run once for every sample
   bool present = true;                      //!< false: nothing is written or counted, skip the draw

@@ -21,11 +21,11 @@ Value fetchWideAttribute(ir::Builder& b, const GraphicsState& state, const front
 class VertexExpander : public StageExpander {
  public:
   VertexExpander(const GraphicsPipeline& p, const VertexKey& key)
-      : StageExpander(*p.vertex, *p.layout, p.vertexImages, key.images), pipeline_(p) {}
+      : StageExpander(*p.vertex, *p.layout, p.vertexImages, key.images), pipeline_(p), wide_(key.numerics == ir::Numerics::Oracle) {}
 
   //! Declares a variable per row: what the shader does not write is zero.
   void declare(ir::Builder& b) {
-    for (uint32_t r = 0; r < pipeline_.link.rowCount; ++r) rows_.push_back(b.var(Type::F32));
+    for (uint32_t r = 0; r < pipeline_.link.rowCount; ++r) rows_.push_back(b.var(wide_ ? Type::F64 : Type::F32));
   }
   void writeRows(ir::Builder& b) {
     for (uint32_t r = 0; r < rows_.size(); ++r) b.output(r, b.get(rows_[r]));
@@ -54,11 +54,11 @@ class VertexExpander : public StageExpander {
       const Value bits = toType(b, Type::I64, value);
       for (uint32_t word = 0; word < 2; ++word)
         if (auto it = pipeline_.link.rows.find(wordPlace(v, component, word)); it != pipeline_.link.rows.end())
-          b.set(rows_[it->second], toType(b, Type::F32, b.convert(ir::Op::Trunc, Type::I32, word ? b.lshr(bits, b.i64(32)) : bits)));
+          b.set(rows_[it->second], inRow(b, b.convert(ir::Op::Trunc, Type::I32, word ? b.lshr(bits, b.i64(32)) : bits)));
     } else if (auto it = pipeline_.link.rows.find(place(v, component)); it != pipeline_.link.rows.end()) {
       row = int32_t(it->second);
     }
-    if (row >= 0) b.set(rows_[size_t(row)], toType(b, Type::F32, value));
+    if (row >= 0) b.set(rows_[size_t(row)], inRow(b, value));
   }
 
   Value builtin(ir::Builder& b, Type type, uint32_t builtIn, uint32_t) override {
@@ -75,7 +75,14 @@ class VertexExpander : public StageExpander {
   }
 
  private:
+  //! A number or a word in the form that rows have.
+  Value inRow(ir::Builder& b, Value v) const {
+    if (!wide_) return toType(b, Type::F32, v);
+    return ir::isFloat(b.type(v)) ? keepDouble(b, Type::F64, v) : b.bitcast(Type::F64, toType(b, Type::I64, v));
+  }
+
   const GraphicsPipeline& pipeline_;
+  const bool wide_;
   const bool checks_ = ir::wantedChecks() & ir::kCheckBounds;
   std::set<uint32_t> checked_;
   std::vector<Value> rows_;
@@ -166,6 +173,7 @@ base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPi
   auto routine = std::make_shared<VertexRoutine>();
   routine->code = std::move(code).value();
   routine->rowCount = pipeline.link.rowCount;
+  routine->wide = key.numerics == ir::Numerics::Oracle;
   return routine;
 }
 

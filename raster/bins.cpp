@@ -68,8 +68,7 @@ std::span<const Location> sampleLocations(uint32_t samples) {
   }
 }
 
-void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
-                const DepthRange& depth) {
+static void fillHeader(const Primitive& p, uint32_t cellX, uint32_t cellY, std::byte* record, const DepthRange& depth) {
   RecordHeader header;
   header.frontFacing = p.frontFacing ? ~0u : 0u;
   header.primitiveId = p.primitiveId;
@@ -80,6 +79,11 @@ void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t 
   header.minDepth = depth.low;
   header.maxDepth = depth.high;
   std::memcpy(record, &header, sizeof header);
+}
+
+void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
+                const DepthRange& depth) {
+  fillHeader(p, cellX, cellY, record, depth);
   std::byte* out = record + kRecordPlanes;
   for (size_t i = 0; i < 2 + varyings.size(); i++, out += 12) {
     float words[3];
@@ -92,6 +96,24 @@ void fillRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t 
       words[0] = float(plane.origin + plane.dx * double(cellX) + plane.dy * double(cellY));
       words[1] = float(plane.dx);
       words[2] = float(plane.dy);
+    }
+    std::memcpy(out, words, sizeof words);
+  }
+}
+
+void fillWideRecord(const Primitive& p, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
+                    const DepthRange& depth) {
+  fillHeader(p, cellX, cellY, record, depth);
+  std::byte* out = record + kRecordPlanes;
+  for (size_t i = 0; i < 2 + varyings.size(); i++, out += 24) {
+    double words[3] = {};
+    if (i >= 2 && varyings[i - 2].mode == VaryingMode::Flat) {
+      std::memcpy(&words[0], &p.flat[2 * (i - 2)], 8);
+    } else {
+      const Plane& plane = p.planes[i];
+      words[0] = plane.origin + plane.dx * double(cellX) + plane.dy * double(cellY);
+      words[1] = plane.dx;
+      words[2] = plane.dy;
     }
     std::memcpy(out, words, sizeof words);
   }

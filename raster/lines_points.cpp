@@ -123,9 +123,9 @@ void SetupContext::square(const SetupVertex& own, const Origin& origin) {
     counters_.clippedAway++;
     return;
   }
-  float size = vertices_.pointSizeRow >= 0 ? vertices_.rows[vertices_.pointSizeRow][own.slot] : 1.0f;
-  size = size >= kMinPointSize ? std::min(size, kMaxPointSize) : kMinPointSize;  // NaN too becomes the smallest
-  const double x = own.clip.screenX(), y = own.clip.screenY(), half = double(size) / 2;
+  double size = vertices_.pointSizeRow >= 0 ? vertices_.number(uint32_t(vertices_.pointSizeRow), own.slot) : 1;
+  size = size >= double(kMinPointSize) ? std::min(size, double(kMaxPointSize)) : double(kMinPointSize);  // NaN too becomes the smallest
+  const double x = own.clip.screenX(), y = own.clip.screenY(), half = size / 2;
   const int64_t left = snap(x - half), right = snap(x + half), top = snap(y - half), bottom = snap(y + half);
   Primitive p;
   p.primitiveId = origin.primitiveId;

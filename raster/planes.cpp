@@ -48,8 +48,9 @@ bool PlaneBuilder::allocate(PlaneSet& set) {
   bool anyFlat = false;
   for (const Varying& v : state_.varyings) anyFlat |= v.mode == VaryingMode::Flat;
   if (anyFlat && set.planes) {
-    set.flat = arena_.alloc<uint32_t>(varyings);
-    if (set.flat) std::fill_n(set.flat, varyings, 0u);
+    const size_t words = vertices_.wideRows ? 2 * varyings : varyings;
+    set.flat = arena_.alloc<uint32_t>(words);
+    if (set.flat) std::fill_n(set.flat, words, 0u);
   }
   if (set.planes && (!anyFlat || set.flat)) return true;
   base::logError("raster: out of memory in primitive setup, a primitive is lost");
@@ -76,12 +77,13 @@ bool PlaneBuilder::fill(uint32_t ownCount, const SetupVertex* own, uint32_t prov
       set.planes[2 + v] = varying.mode == VaryingMode::PointX ? pointX_ : pointY_;
       continue;
     }
-    const float* row = vertices_.rows[varying.vertexRow];
+    const uint32_t row = varying.vertexRow;
     if (varying.mode == VaryingMode::Flat) {
-      std::memcpy(&set.flat[v], &row[provokingSlot], 4);
+      if (vertices_.wideRows) std::memcpy(&set.flat[2 * v], &vertices_.wideRows[row][provokingSlot], 8);
+      else set.flat[v] = vertices_.word(row, provokingSlot);
       continue;
     }
-    for (uint32_t i = 0; i < ownCount; i++) values[i] = row[own[i].slot];
+    for (uint32_t i = 0; i < ownCount; i++) values[i] = vertices_.number(row, own[i].slot);
     set.planes[2 + v] = solve(varying.mode == VaryingMode::Perspective ? Quantity::Perspective : Quantity::Linear, values);
   }
   return true;

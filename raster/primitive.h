@@ -6,6 +6,7 @@
 // in one canonical edge direction, so neighbours agree. Clipping is only against w, near/far and the guard band.
 #pragma once
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -42,12 +43,18 @@ struct Varying {
 //! Vertex slots are numbered by the front end after index de-duplication.
 struct VertexOutputs {
   const float* const* rows = nullptr;
+  const double* const* wideRows = nullptr;   //!< instead of rows, from the oracle's routines: numbers as doubles, words in the low half of 64 bits
   uint32_t rowCount = 0;
   uint32_t vertexCount = 0;
   int32_t pointSizeRow = -1;
   int32_t viewportRow = -1, layerRow = -1;          //!< integers; the provoking vertex's count
   int32_t clipDistanceRow = -1, cullDistanceRow = -1;   //!< the first of as many rows
   uint32_t clipDistances = 0, cullDistances = 0;
+
+  double number(uint32_t row, uint32_t slot) const { return wideRows ? wideRows[row][slot] : double(rows[row][slot]); }
+  uint32_t word(uint32_t row, uint32_t slot) const {
+    return wideRows ? uint32_t(std::bit_cast<uint64_t>(wideRows[row][slot])) : std::bit_cast<uint32_t>(rows[row][slot]);
+  }
 };
 
 //! A viewport, and what limits pixels of its primitives: scissor, render area and framebuffer intersected.
@@ -95,7 +102,7 @@ struct Primitive {
   int32_t minX, minY, maxX, maxY;  //!< pixels that may be covered, inclusive, inside `bounds` (triangles: and the viewport, which only this limits)
   float minZ, maxZ;                //!< hold every depth that a record's plane gives at a covered sample, after bias; who clamps depth clamps these
   const Plane* planes = nullptr;   //!< from the framebuffer's origin: [0] depth, [1] 1/w, then one per Varying: Perspective value/w, Linear the value
-  const uint32_t* flat = nullptr;  //!< one word per Varying, valid for Flat ones
+  const uint32_t* flat = nullptr;  //!< one word (of wide rows: two) per Varying, valid for Flat ones
   const std::byte* record = nullptr;   //!< instead of planes and flat: the record of the one grid cell it lies in (tiles.h)
 };
 

@@ -101,7 +101,7 @@ SetupContext::SetupContext(const SetupState& state, const VertexOutputs& vertice
 }
 
 bool SetupContext::select(uint32_t provokingSlot) {
-  const auto word = [&](int32_t row) { return std::bit_cast<uint32_t>(vertices_.rows[row][provokingSlot]); };
+  const auto word = [&](int32_t row) { return vertices_.word(uint32_t(row), provokingSlot); };
   if (provokingSlot >= vertices_.vertexCount) return true;
   if (vertices_.layerRow >= 0) {
     const uint32_t layer = word(vertices_.layerRow);
@@ -119,7 +119,7 @@ bool SetupContext::select(uint32_t provokingSlot) {
 bool SetupContext::culled(const SetupVertex* own, uint32_t count) const {
   for (uint32_t d = 0; d < vertices_.cullDistances; d++) {
     bool all = true;
-    for (uint32_t i = 0; i < count; i++) all &= vertices_.rows[vertices_.cullDistanceRow + int32_t(d)][own[i].slot] < 0;
+    for (uint32_t i = 0; i < count; i++) all &= vertices_.number(uint32_t(vertices_.cullDistanceRow) + d, own[i].slot) < 0;
     if (all) return true;
   }
   return false;
@@ -129,7 +129,7 @@ void SetupContext::userPlanes(const SetupVertex* own, uint32_t count, ClipVolume
   for (uint32_t d = 0; d < vertices_.clipDistances; d++) {
     bool any = false;
     for (uint32_t i = 0; i < count; i++) {
-      const double v = vertices_.rows[vertices_.clipDistanceRow + int32_t(d)][own[i].slot];
+      const double v = vertices_.number(uint32_t(vertices_.clipDistanceRow) + d, own[i].slot);
       volume.user[d][i] = std::isnan(v) ? -1 : std::clamp(v, -0x1p100, 0x1p100);
       any |= volume.user[d][i] < 0;
     }
@@ -167,11 +167,14 @@ void SetupContext::emitRecord(Primitive& p, const PlaneSet& set) {
 
 bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const {
   if (slot >= vertices_.vertexCount) return false;
-  const double x = vertices_.rows[0][slot], y = vertices_.rows[1][slot], z = vertices_.rows[2][slot], w = vertices_.rows[3][slot];
+  const double x = vertices_.number(0, slot), y = vertices_.number(1, slot), z = vertices_.number(2, slot), w = vertices_.number(3, slot);
   vertex.slot = slot;
   vertex.clip.x = x * view_->transform.scaleX + w * view_->transform.offsetX;
   vertex.clip.y = y * view_->transform.scaleY + w * view_->transform.offsetY;
-  // Zero times anything finite is zero; NaN and infinity give NaN. (Floats cannot overflow these doubles.)
+  // Zero times anything finite is zero; NaN and infinity give NaN. (Floats cannot overflow these doubles, and doubles that might count
+  // as infinite.)
+  constexpr double kEndless = 0x1p200;
+  if (vertices_.wideRows && !(std::fabs(x) < kEndless && std::fabs(y) < kEndless && std::fabs(z) < kEndless && std::fabs(w) < kEndless)) return false;
   if (!(vertex.clip.x * 0 + vertex.clip.y * 0 + z * 0 + w * 0 == 0)) return false;
   vertex.clip.z = z;
   vertex.clip.w = w;

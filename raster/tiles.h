@@ -73,4 +73,10 @@ struct DepthRange { float low = 0, high = 1; };
 void fillRecord(const Primitive& primitive, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
                 const DepthRange& depth = {});
 
+//! The record of the oracle's fragment routines: the same header, but planes of three doubles (flat varyings: 64 bits), not rounded.
+//! For primitives of wide rows.
+constexpr uint32_t wideRecordBytes(uint32_t varyings) { return kRecordPlanes + 24 * (2 + varyings); }
+void fillWideRecord(const Primitive& primitive, std::span<const Varying> varyings, uint32_t cellX, uint32_t cellY, std::byte* record,
+                    const DepthRange& depth = {});
+
 }  // namespace pumice::raster
