@@ -18,6 +18,8 @@ namespace pumice::base {
     "instruction set of the interpreter's kernels")                                               \
   X(Numerics, "PUMICE_NUMERICS", "f32, reference", "f32",                                         \
     "reference: shaders and blending compute in double precision")                                \
+  X(Decisions, "PUMICE_DECISIONS", "write:FILE, compare:FILE", "nothing",                         \
+    "keep what each pixel's fragments decided (primitives, branches, texels, levels), or count the pixels that differ from a kept run") \
   X(Engine, "PUMICE_ENGINE", "auto, interp, jit", "auto",                                         \
     "what runs routines: the interpreter, or machine code made for them (where that is possible)") \
   X(PerfMap, "PUMICE_PERF_MAP", "1 or 0", "0", "write /tmp/perf-PID.map, so that perf names the routines in its reports") \

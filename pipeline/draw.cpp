@@ -225,6 +225,7 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
   vertices.cullDistanceRow = link.cullDistanceRow;
   vertices.clipDistances = link.clipDistances;
   vertices.cullDistances = link.cullDistances;
+  vertices.decisionRow = link.decisionRow;
   uint32_t begin = 0;
   for (size_t i = 0; i < chunk.segments.size(); ++i) {
     const std::span<const uint32_t> slots{w.slots.data() + begin, ends[i] - begin};
@@ -268,6 +269,8 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   // What is not looked at is not done.
   const bool lookedAt = pipeline.vertex->writesMemory || query;
   if (fixed.rasterizerDiscard && !lookedAt) return;
+  if (fixed.decisions && fixed.samples != samples)
+    return base::logError("draw left out: %u samples, the attachments have %u (decisions are recorded)", fixed.samples, samples);
 
   auto vertex = vertexRoutine(pipeline, state);
   if (!vertex) return;
@@ -305,6 +308,8 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   c.drawIndex = params.drawIndex;
   c.viewIndex = pass.viewIndex;
   c.samples = fixed.samples;
+  c.passDraw = uint32_t(counters.draws);
+  if (fixed.decisions) beginDecisions();
   for (const auto& b : fixed.vertexBindings) c.vertexStrides[b.binding] = b.stride;
   std::memcpy(record->push, state.push, sizeof record->push);
   fillTables(record->push, state.setMemory, state.setSize, c, record->tables);

@@ -107,6 +107,7 @@ class PassExecutor {
   //! Turns ideas (pipeline/ideas.h) off and the others on; between passes. At the start: as PUMICE_DISABLE says.
   void disable(uint32_t ideas);
   const PassCounters& counters() const;   //!< of the last finished pass
+  const DecisionRecord& decisions() const;   //!< of the last finished pass, if its pipelines record them
   struct Impl;   //!< pass_impl.h
  private:
   std::unique_ptr<Impl> impl_;

@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "pipeline/builders.h"
 #include "pipeline/ideas.h"
+#include "spirv_interp/ir/decisions.h"
 #include "spirv_interp/ir/one_record.h"
 
 namespace pumice::pipeline {
@@ -26,7 +27,7 @@ namespace {
 constexpr uint32_t kSlotX = 0, kSlotY = 1, kSlotCoverage = 2, kSlotSample = 3, kSlotCentreX = 4, kSlotCentreY = 5, kSlotPassed = 0, kSlotShaded = 1;
 constexpr uint32_t kPlaneDepth = 0, kPlaneInverseW = 1, kPlaneVaryings = 2;
 //! Where a plane lies in a record.
-constexpr uint32_t planeOffset(uint32_t plane, bool wide) { return raster::kRecordPlanes + (wide ? 24 : 12) * plane; }
+constexpr uint32_t planeOffset(uint32_t plane, bool wide = false) { return raster::kRecordPlanes + (wide ? 24 : 12) * plane; }
 constexpr uint64_t kSwapX = 0xb1, kSwapY = 0x4e;   // lanes 1 0 3 2 and 2 3 0 1 of a quad
 
 Value both(ir::Builder& b, Value x, Value y) { return !x ? y : !y ? x : b.maskAnd(x, y); }
@@ -295,8 +296,8 @@ VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {
   v.depth.write = v.depth.test && s.depthWrite;
   v.depth.compare = s.depthCompare;
   v.planeDepth = !(shader && shader->writesDepth);
-  // The oracle has depths of its own.
-  if (s.numerics != ir::Numerics::F32 || (hasStencil && s.stencilTest) || (hasDepth && s.depthBoundsTest)) return v;
+  // The oracle has depths of its own. Decisions are recorded fragment by fragment.
+  if (s.numerics != ir::Numerics::F32 || s.decisions || (hasStencil && s.stencilTest) || (hasDepth && s.depthBoundsTest)) return v;
   v.hiZ = v.depth.test && v.planeDepth && !(shader && shader->writesMemory);
   if (!t.early || t.perSample || t.guarded || s.alphaToCoverage || t.writesSampleMask) return v;
   if (shader) {
@@ -374,6 +375,14 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   };
 
   if (t.perSample) coverage = b.and_(coverage, sampleBit(0));
+  // What is decided, from the primitive on.
+  const Value decisions = state.decisions ? b.var(Type::I32) : 0;
+  if (decisions) {
+    const Value vertices = b.quadLoad(Type::I32, planeOffset(kPlaneVaryings + pipeline.link.decisionVarying, wide));
+    const Value primitive = ir::mixDecision(b, b.quadLoad(Type::I32, offsetof(raster::RecordHeader, primitiveId)), PUMICE_DRAW_FIELD(b, I32, passDraw));
+    b.set(decisions, ir::mixDecision(b, primitive, vertices));
+  }
+  Value decisionsFirst = 0, decisionsEnd = 0;
   std::vector<Value> live(samples, 0);   // 0: all active lanes
   for (uint32_t s = 0; s < samples; ++s) {
     if (whole) live[s] = 0;
@@ -391,8 +400,10 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   if (shader) {
     if (shaded) b.set(shaded, any ? b.select(any, b.i32(1), b.i32(0)) : b.i32(1));
     expander.begin(b, x, y, any, clampDepth(b, pipeline, evaluatePlane(b, wide, kPlaneDepth, x, y), false), coverage, rasterized);
+    decisionsFirst = Value(f.insts.size());
     if (t.guarded) ir::inlineShader(b, guardEffects(shader->function), expander);
     else ir::inlineShader(b, shader->function, expander);
+    decisionsEnd = Value(f.insts.size());
   }
   const Value alive = expander.killed() ? b.maskNot(b.get(expander.killed())) : 0;
   const Value shaderDepth = expander.depth() && !(shader && shader->earlyFragmentTests)
@@ -405,6 +416,11 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
     for (uint32_t a = 0; a < state.colorCount; ++a)
       for (Texel* texel : {&colors[a], &colors1[a]})
         if (expander.writes(a) && ir::isFloat(b.type((*texel)[3]))) (*texel)[3] = b.f32(1);
+
+  // Nothing is left of what was decided before where every attachment is replaced.
+  bool replaces = true;
+  for (uint32_t a = 0; a < state.colorCount; ++a)
+    if (state.colorFormats[a] != VK_FORMAT_UNDEFINED) replaces &= expander.writes(a) && replacesColor(state, a);
 
   for (uint32_t s = 0; s < samples; ++s) {
     live[s] = both(b, live[s], alive);
@@ -420,6 +436,11 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
     for (uint32_t a = 0; a < state.colorCount; ++a)
       if (expander.writes(a)) writeColor(b, state, a, s, colors[a], colors1[a]);
     if (passed) b.set(passed, b.or_(b.get(passed), b.i32(1u << s)));
+    if (decisions) {
+      const uint32_t plane = decisionPlane(s, state.samples);
+      const Value own = b.get(decisions);
+      b.tileStore(plane, 4, 0, replaces ? own : ir::mixDecision(b, b.tileLoad(Type::I32, plane, 4, 0), own));
+    }
     if (guarded) b.endIf();
   }
   if (run) b.endIf();
@@ -434,13 +455,14 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   for (uint32_t a = 0; a < state.colorCount; ++a) effects |= expander.writes(a);
   routine->present = effects;
 
+  if (decisions) ir::recordDecisions(f, decisionsFirst, decisionsEnd, decisions);
   const auto reads = [](const ir::Inst& i) { return i.op == Op::QuadLoad; };
   const auto readsW = [&](const ir::Inst& i) { return reads(i) && i.imm - planeOffset(kPlaneInverseW) < 12; };
   if (key.rows != Rows::Any) {
     for (ir::Inst& i : f.insts)
       if (reads(i)) i.imm |= ir::kOneRecord;
   } else if (key.numerics == ir::Numerics::F32 && std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
-    const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics;
+    const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics && !decisions;
     const bool wanted[kRowKinds] = {false, !(disabledIdeas() & bit(Idea::OneRecord)) && std::any_of(f.insts.begin(), f.insts.end(), reads),
                                     wholeOnes, wholeOnes && std::any_of(f.insts.begin(), f.insts.end(), readsW)};
     for (uint32_t kind = 1; kind < kRowKinds; ++kind) {

@@ -58,6 +58,7 @@ struct DrawConstants {
   uint32_t groupCount[3] = {};       //!< dispatch: NumWorkgroups
   uint32_t baseGroup[3] = {};
   uint32_t samples = 1;
+  uint32_t passDraw = 0;             //!< number of the draw in its pass
   float blendConstants[4] = {};
   float minDepth = 0, maxDepth = 1;  //!< viewport
   uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};   //!< front, back

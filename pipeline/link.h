@@ -43,6 +43,8 @@ struct StageLink {
   int32_t pointSizeRow = -1, viewportRow = -1, layerRow = -1;
   int32_t clipDistanceRow = -1, cullDistanceRow = -1;   //!< the first of as many rows
   uint32_t clipDistances = 0, cullDistances = 0;
+  int32_t decisionRow = -1;                    //!< GraphicsState::decisions: what the vertices decided
+  uint32_t decisionVarying = 0;
   std::vector<raster::Varying> varyings;       //!< order of the planes
   uint32_t unread = 0;                         //!< scalars that the vertex shader writes for nothing
   std::map<uint64_t, uint32_t> varyingOf;      //!< fragment ShaderInput's imm -> index in varyings (64 bits: of the low word)

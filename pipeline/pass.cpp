@@ -111,6 +111,8 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   for (uint32_t a = 0; a < pass.colorCount; ++a)
     if (pass.color[a].memory.layout) pass.layers = std::min(pass.layers, pass.color[a].layerCount);
   if (pass.depthStencil.memory.layout) pass.layers = std::min(pass.layers, pass.depthStencil.layerCount);
+  decisions = {};
+  decisionRecord = {};
   const raster::TileGrid grid(pass.width, pass.height, pass.layers);
   if (!bins || bins->grid() != grid) bins.emplace(grid);
   draws.clear();
@@ -245,11 +247,40 @@ void PassExecutor::Impl::resolve() {
   finish(VK_IMAGE_ASPECT_STENCIL_BIT, pass.stencilResolve, dst.stencilLoadOp);
 }
 
+// Memory for the record, when the first draw that keeps one comes: 4x4 blocks, whole tiles.
+void PassExecutor::Impl::beginDecisions() {
+  if (decisions.base) return;
+  const raster::TileGrid& grid = bins->grid();
+  const size_t words = size_t(grid.tilesX) * grid.tilesY * raster::kTileSize * raster::kTileSize;
+  decisionWords.assign(words * pass.layers * samples, 0);
+  decisions.base = reinterpret_cast<std::byte*>(decisionWords.data());
+  decisions.rowElements = grid.tilesX * raster::kTileSize * 4;
+  decisions.elementBytes = 4;
+  decisions.samplePitch = words * 4;
+  decisions.layerPitch = words * samples * 4;
+}
+
+void PassExecutor::Impl::endDecisions() {
+  if (!decisions.base) return;
+  DecisionRecord r{pass.width, pass.height, pass.layers, samples, {}};
+  r.words.reserve(size_t(r.width) * r.height * r.layers * r.samples);
+  const size_t planeWords = decisions.samplePitch / 4;
+  for (uint32_t plane = 0; plane < r.layers * r.samples; ++plane)
+    for (uint32_t y = 0; y < r.height; ++y)
+      for (uint32_t x = 0; x < r.width; ++x)
+        r.words.push_back(decisionWords[planeWords * plane + size_t(y / 4) * decisions.rowElements + x / 4 * 16 + texture::blockIndex(x & 3, y & 3)]);
+  decisions = {};
+  decisionWords = {};
+  keepDecisions(r);
+  decisionRecord = std::move(r);
+}
+
 void PassExecutor::Impl::end() {
   if (!open) return;
   const base::ScopedFpEnv environment;
   flush();
   resolve();
+  endDecisions();
   open = false;
   draws.clear();
   for (auto& w : front) {
@@ -312,6 +343,7 @@ void PassExecutor::endStatistics() { impl_->query = nullptr; }
 void PassExecutor::end() { impl_->end(); }
 void PassExecutor::collectStatistics(bool on) { impl_->collect = on; }
 void PassExecutor::disable(uint32_t ideas) { impl_->disable(ideas); }
+const DecisionRecord& PassExecutor::decisions() const { return impl_->decisionRecord; }
 const PassCounters& PassExecutor::counters() const { return impl_->counters; }
 
 }  // namespace pumice::pipeline

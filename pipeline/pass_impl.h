@@ -73,6 +73,9 @@ struct PassExecutor::Impl {
   uint32_t samples = 1;
   AttachmentPlane colorPlanes[kMaxColorAttachments], depth, stencil;
   std::byte clearElements[kMaxColorAttachments][32];   //!< clear values as they are stored, where the load operation clears
+  AttachmentPlane decisions;     //!< of the record, if the pass has one
+  std::vector<uint32_t> decisionWords;   //!< its memory, in blocks as attachments have them
+  DecisionRecord decisionRecord; //!< of the last finished pass
   std::optional<raster::DepthKind> depthKind;   //!< how depth is stored, if tiles can deal with it
   Ideas disabled;
   std::deque<std::unique_ptr<DrawRecord>> draws;
@@ -100,6 +103,8 @@ struct PassExecutor::Impl {
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
   void clearTiles(uint32_t first, uint32_t count);
   void resolve();
+  void beginDecisions();
+  void endDecisions();
   void printCounters() const;
   void forgetPrimitives();
 };

@@ -92,6 +92,14 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   auto link = linkStages(p->state, *p->vertex, p->fragment.get());
   if (!link) return std::move(link).error();
   p->link = std::move(link).value();
+  bool attachments = p->state.depthStencilFormat != VK_FORMAT_UNDEFINED;
+  for (uint32_t a = 0; a < p->state.colorCount; ++a) attachments |= p->state.colorFormats[a] != VK_FORMAT_UNDEFINED;
+  p->state.decisions = p->state.decisions && attachments && !p->state.rasterizerDiscard && p->link.varyings.size() < raster::kMaxVaryings;
+  if (p->state.decisions) {
+    p->link.decisionRow = int32_t(p->link.rowCount++);
+    p->link.decisionVarying = uint32_t(p->link.varyings.size());
+    p->link.varyings.push_back({uint16_t(p->link.decisionRow), raster::VaryingMode::Flat});
+  }
   auto vertexImages = ImageUses::collect(*p->vertex, *p->layout);
   if (!vertexImages) return in("vertex", std::move(vertexImages));
   p->vertexImages = std::move(vertexImages).value();

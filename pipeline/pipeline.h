@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "base/result.h"
+#include "pipeline/decisions.h"
 #include "pipeline/layout.h"
 #include "raster/primitive.h"
 #include "spirv_interp/frontend/shader.h"
@@ -58,6 +59,7 @@ struct GraphicsState {
   bool depthAttached = true, stencilAttached = true;  //!< false: dynamic rendering without this aspect of the format
   DynamicStates dynamic = 0;
   ir::Numerics numerics = defaultNumerics();
+  bool decisions = wantedDecisions();  //!< record what fragments decide
 };
 
 struct StageSource {

@@ -82,6 +82,7 @@ void QuadRow::setPlanes(uint32_t layer) {
   for (uint32_t a = 0; a < kMaxColorAttachments; ++a) put(pass_.colorPlanes[a], colorPlane(a, 0, pass_.samples));
   put(pass_.depth, depthPlane(0, pass_.samples));
   put(pass_.stencil, stencilPlane(0, pass_.samples));
+  put(pass_.decisions, decisionPlane(0, pass_.samples));
 }
 
 void QuadRow::setWholePlanes() {
@@ -300,7 +301,7 @@ void QuadRow::run(interp::ExecContext& context) {
 void QuadRow::runPerSample(const interp::ExecContext& row) {
   interp::ExecContext context = row;
   const auto locations = raster::sampleLocations(samples_);
-  interp::TilePlane planes[interp::kMaxTilePlanes];
+  interp::TilePlane planes[kRowPlanes];
   context.tilePlanes = planes;
   const void* inputs[6] = {sampleX_, sampleY_, coverage_, sampleNumber_, x_, y_};
   context.inputs = inputs;
@@ -319,7 +320,7 @@ void QuadRow::runPerSample(const interp::ExecContext& row) {
         a |= a >> 2;
         a = (a & 0x1111111111111111u) * 15;
       }
-    for (uint32_t plane = 0; plane <= stencilPlane(0, samples_); plane += samples_) planes[plane] = planes_[plane + s];
+    for (uint32_t plane = 0; plane <= decisionPlane(0, samples_); plane += samples_) planes[plane] = planes_[plane + s];
     for (uint32_t l = 0; l < context.lanes; ++l) {
       sampleX_[l] = x_[l] + (float(locations[s][0]) / 16.f - 0.5f);
       sampleY_[l] = y_[l] + (float(locations[s][1]) / 16.f - 0.5f);

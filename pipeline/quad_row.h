@@ -9,7 +9,7 @@ namespace pumice::pipeline {
 class QuadRow {
  public:
   static constexpr uint32_t kQuads = interp::kMaxLanes / 4;
-  static constexpr uint32_t kMaxPitches = kMaxColorAttachments + 2;
+  static constexpr uint32_t kMaxPitches = kMaxColorAttachments + 3;
   static constexpr uint32_t kBlocks = kQuads / 4;   //!< of a row of whole blocks
 
   explicit QuadRow(PassExecutor::Impl& pass) : pass_(pass) {}
@@ -76,15 +76,15 @@ class QuadRow {
   alignas(64) uint32_t passedRow_[interp::kMaxLanes] = {};
   alignas(64) uint32_t shadedRow_[interp::kMaxLanes] = {};
   alignas(64) uint32_t elements_[kMaxPitches][kQuads] = {};
-  interp::TilePlane planes_[interp::kMaxTilePlanes];
+  interp::TilePlane planes_[kRowPlanes];
   // Rows of whole blocks: quads' elements relative to the tile's first, planes from there on.
   struct UsedPlane { uint32_t plane, pitch, elementBytes; };
   bool whole_ = false, wholePlanesReady_ = false;
   std::vector<uint32_t> tileElements_[kMaxPitches];
   uint32_t tileElementsPitch_[kMaxPitches] = {};
-  UsedPlane usedPlanes_[interp::kMaxTilePlanes];
+  UsedPlane usedPlanes_[kRowPlanes];
   uint32_t usedPlaneCount_ = 0;
-  interp::TilePlane wholePlanes_[interp::kMaxTilePlanes];
+  interp::TilePlane wholePlanes_[kRowPlanes];
   const std::byte* wholeRecords_[kQuads] = {};
   alignas(64) uint32_t wholeCoverage_[interp::kMaxLanes] = {};
   // For shading per sample

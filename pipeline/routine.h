@@ -90,6 +90,9 @@ constexpr uint32_t colorPlane(uint32_t color, uint32_t sample, uint32_t samples)
 constexpr uint32_t depthPlane(uint32_t sample, uint32_t samples) { return kMaxColorAttachments * samples + sample; }
 constexpr uint32_t stencilPlane(uint32_t sample, uint32_t samples) { return (kMaxColorAttachments + 1) * samples + sample; }
 static_assert(stencilPlane(15, 16) < interp::kMaxTilePlanes);
+//! Of the record of decisions (32-bit elements), behind those of attachments.
+constexpr uint32_t decisionPlane(uint32_t sample, uint32_t samples) { return (kMaxColorAttachments + 2) * samples + sample; }
+constexpr uint32_t kRowPlanes = decisionPlane(15, 16) + 1;
 
 //! Find or make the routine for a draw. Thread-safe; null (and a reason logged once) if it cannot be made.
 std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& pipeline, const DrawState& draw);

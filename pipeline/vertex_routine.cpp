@@ -5,6 +5,7 @@
 #include "base/log.h"
 #include "pipeline/builders.h"
 #include "spirv_interp/ir/checks.h"
+#include "spirv_interp/ir/decisions.h"
 
 namespace pumice::pipeline {
 
@@ -27,6 +28,7 @@ class VertexExpander : public StageExpander {
   void declare(ir::Builder& b) {
     for (uint32_t r = 0; r < pipeline_.link.rowCount; ++r) rows_.push_back(b.var(wide_ ? Type::F64 : Type::F32));
   }
+  void setWord(ir::Builder& b, uint32_t row, Value word) { b.set(rows_[row], inRow(b, word)); }
   void writeRows(ir::Builder& b) {
     for (uint32_t r = 0; r < rows_.size(); ++r) b.output(r, b.get(rows_[r]));
   }
@@ -165,9 +167,18 @@ base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPi
   ir::Builder b(f);
   VertexExpander expander(pipeline, key);
   expander.declare(b);
+  Value decisions = 0;
+  if (pipeline.link.decisionRow >= 0) {
+    decisions = b.var(Type::I32);
+    b.set(decisions, ir::mixDecision(b, b.input(Type::I32, kSlotVertexIndex), b.input(Type::I32, kSlotInstanceIndex)));
+  }
+  const Value first = Value(f.insts.size());
   ir::inlineShader(b, pipeline.vertex->function, expander);
+  const Value end = Value(f.insts.size());
+  if (decisions) expander.setWord(b, uint32_t(pipeline.link.decisionRow), b.get(decisions));
   expander.writeRows(b);
   if (!expander.error().empty()) return base::Error{expander.error()};
+  if (decisions) ir::recordDecisions(f, first, end, decisions);
   auto code = finishRoutine(f, key.numerics, {"vertex shader \"" + pipeline.vertex->function.name + "\"", vertexText});
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<VertexRoutine>();

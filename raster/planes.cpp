@@ -79,8 +79,14 @@ bool PlaneBuilder::fill(uint32_t ownCount, const SetupVertex* own, uint32_t prov
     }
     const uint32_t row = varying.vertexRow;
     if (varying.mode == VaryingMode::Flat) {
-      if (vertices_.wideRows) std::memcpy(&set.flat[2 * v], &vertices_.wideRows[row][provokingSlot], 8);
-      else set.flat[v] = vertices_.word(row, provokingSlot);
+      if (int32_t(row) == vertices_.decisionRow) {
+        uint32_t* sum = &set.flat[vertices_.wideRows ? 2 * v : v];
+        for (uint32_t i = 0; i < ownCount; i++) *sum = (i ? *sum : 0) + vertices_.word(row, own[i].slot);
+      } else if (vertices_.wideRows) {
+        std::memcpy(&set.flat[2 * v], &vertices_.wideRows[row][provokingSlot], 8);
+      } else {
+        set.flat[v] = vertices_.word(row, provokingSlot);
+      }
       continue;
     }
     for (uint32_t i = 0; i < ownCount; i++) values[i] = vertices_.number(row, own[i].slot);

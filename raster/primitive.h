@@ -49,6 +49,7 @@ struct VertexOutputs {
   int32_t pointSizeRow = -1;
   int32_t viewportRow = -1, layerRow = -1;          //!< integers; the provoking vertex's count
   int32_t clipDistanceRow = -1, cullDistanceRow = -1;   //!< the first of as many rows
+  int32_t decisionRow = -1;                         //!< hashes: a Flat varying of this row is the sum of all own vertices' words
   uint32_t clipDistances = 0, cullDistances = 0;
 
   double number(uint32_t row, uint32_t slot) const { return wideRows ? wideRows[row][slot] : double(rows[row][slot]); }

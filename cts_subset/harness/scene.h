@@ -17,7 +17,7 @@ enum class Variant { kGood, kBroken };
 // How far the default's picture may be from the oracle's (PUMICE_NUMERICS=reference, which computes in double).
 struct OracleBound {
   int units = 1;                  // of the format: pixels within that are near
-  double share = 0.001;           // of all pixels may be beyond
+  double share = 0.001;           // of all pixels may be beyond: those that decided otherwise (harness/oracle.h)
   const char* cause = nullptr;    // must be given where the bound is looser than this
 };
 

@@ -81,7 +81,7 @@ void addDepthPrecisionScenes(SceneList& scenes) {
     scene.render = [format = format](Device& d, Variant v) { return renderZFighting(d, v, format); };
     scene.supported = [format = format](const Device& d) { return d.supports(format, VK_FORMAT_FEATURE_DEPTH_STENCIL_ATTACHMENT_BIT); };
     scene.verify = [format = format](const Picture& p) { return verifyZFighting(p, format); };
-    if (format == VK_FORMAT_D24_UNORM_S8_UINT) scene.oracle = {1, 0.015, "where planes fight, the last bit of a depth decides"};
+    if (format != VK_FORMAT_D16_UNORM) scene.oracle = {1, format == VK_FORMAT_D32_SFLOAT ? 0.01 : 0.007, "where planes fight, the last bit of a depth decides"};
     scene.expectation = [] {
       // Where planes fight, the last bit of a depth decides: such pixels show the one or the other plane.
       Expectation e;

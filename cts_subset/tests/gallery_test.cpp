@@ -1,5 +1,5 @@
 // Every scene of the gallery, drawn by the driver under test and by lavapipe.
-#include "cts_subset/harness/scene.h"
+#include "cts_subset/harness/oracle.h"
 #include "cts_subset/tests/world.h"
 
 #include <cstdlib>
@@ -70,54 +70,30 @@ TEST_P(Gallery, BrokenVariantIsCaught) {
                               << "\npictures: " << leavePictures(scene().name + ".broken", broken, peer);
 }
 
-// The same scene computed in double. Numerics are a pipeline's property, read when it is created.
-Picture oraclePicture(const Scene& scene) {
-  setenv("PUMICE_NUMERICS", "reference", 1);
-  Picture picture = scene.render(*world().tested, Variant::kGood);
-  unsetenv("PUMICE_NUMERICS");
-  return picture;
-}
-
-struct OracleDistance {
-  uint64_t unequal = 0, beyond = 0, decisions = 0;  // pixels; decisions: beyond, with a value that is next to it in the other
-  int largest = 0;
-  double depth = 0;
-};
-
-OracleDistance distance(const Picture& tested, const Picture& oracle, int units) {
-  OracleDistance out;
-  Expectation within;
-  within.colourTolerance = units;
-  within.depthTolerance = 1;
-  within.stepFunctions = true;
-  Comparison found = compare(tested, oracle, within);
-  out.unequal = found.pixels - found.equal;
-  out.decisions = found.stepBorder;
-  out.beyond = found.stepBorder + found.wrong;
-  out.depth = found.largestDepthError;
-  for (size_t i = 0; i < tested.rgba.size(); ++i) out.largest = std::max(out.largest, std::abs(int(tested.rgba[i]) - int(oracle.rgba[i])));
-  return out;
-}
-
 TEST_P(Gallery, AgreesWithOracle) {
   PUMICE_NEED_TESTED();
   if (testedDeviceName() != "Pumice") GTEST_SKIP() << "only Pumice has an oracle";
   if (!scene().supported(*world().tested)) GTEST_SKIP() << scene().name << ": not reported as supported by the device";
   const OracleBound& bound = scene().oracle;
   EXPECT_TRUE(bound.cause || (bound.units <= 1 && bound.share <= 0.001)) << "a looser bound needs its cause";
-  Picture oracle = oraclePicture(scene());
-  Picture usual = scene().render(*world().tested, Variant::kGood);
-  double pixels = double(usual.width) * usual.height;
-  OracleDistance d = distance(usual, oracle, bound.units);
-  std::cout << scene().name << ": " << d.unequal << " of " << pixels << " pixels unequal, " << d.beyond << " beyond " << bound.units
-            << " (" << d.decisions << " as their neighbours), largest " << d.largest << "; depth " << d.depth << "\n";
-  EXPECT_LE(double(d.beyond), bound.share * pixels) << "pictures: " << leavePictures(scene().name + ".oracle", usual, oracle);
+  const OracleRun oracle = renderRecorded(*world().tested, scene(), true);
+  const OracleRun recorded = renderRecorded(*world().tested, scene(), false);
+  const Picture usual = scene().render(*world().tested, Variant::kGood);
+  EXPECT_TRUE(usual.rgba == recorded.picture.rgba && usual.depth == recorded.picture.depth) << "recording decisions changes bits";
+  const OracleError d = oracleError(usual, oracle.picture, recorded.passes, oracle.passes, bound.units);
+  EXPECT_TRUE(d.comparable) << "the runs have other passes";
+  std::cout << scene().name << ": of " << d.pixels << " pixels " << d.unequal << " unequal, " << d.mismatches << " decided otherwise ("
+            << d.elsewhere << " in other passes), " << d.beyond << " beyond " << bound.units << "; where decided alike: " << d.colourBeyond
+            << " beyond, largest " << d.largest << ", mean " << d.mean << ", depth " << d.depth << "\n";
+  EXPECT_LE(double(d.beyond), bound.share * double(d.pixels)) << "pictures: " << leavePictures(scene().name + ".oracle", usual, oracle.picture);
+  // What is further away was decided otherwise; a colour that was not is as near as its format can say.
+  EXPECT_EQ(d.colourBeyond, 0u) << "pictures: " << leavePictures(scene().name + ".oracle", usual, oracle.picture);
   EXPECT_LE(d.depth, 1.0 / 65535);
   // The bound can fail.
   Picture broken = scene().render(*world().tested, Variant::kBroken);
-  if (broken.width != oracle.width || broken.height != oracle.height) return;
-  OracleDistance wrong = distance(broken, oracle, bound.units);
-  EXPECT_TRUE(double(wrong.beyond) > bound.share * pixels || wrong.depth > 1.0 / 65535)
+  if (broken.width != usual.width || broken.height != usual.height) return;
+  const OracleError wrong = oracleError(broken, oracle.picture, {}, {}, bound.units);
+  EXPECT_TRUE(double(wrong.beyond) > bound.share * double(d.pixels) || wrong.depth > 1.0 / 65535)
       << "'" << scene().broken << "' is within the bound: " << wrong.beyond << " pixels beyond " << bound.units;
 }
 
