@@ -177,7 +177,7 @@ const Program kPrograms[] = {
     {"gather", "a load of a word that the one before it names, 32 times, bounded (in C++ unbounded)", gather, o2::gather, o3::gather, 32, true},
     {"divergent", "the steps of 3n + 1, for each lane another number, at most 64; C++ stops with each lane, a row with its last one, after both branches in most turns", divergent, o2::divergent, o3::divergent, 64, true,
      "of the 64 turns of a row 34 are a lane's own, on average; two thirds of these take one side of the branch, but nearly every turn of a row takes both. "
-     "A turn is 19 kernels over 128 lanes, each near what loads and stores allow. Packing the lanes that are left together could save 1.9 times "
+     "A turn is some twenty kernels over 128 lanes, each near what loads and stores allow. Packing the lanes that are left together could save 1.9 times "
      "at most, less the moving of all that lives in the loop; skipping parts of a row where no lane is left saves less, since lanes end at random"},
     {"shared memory", "a store, a barrier and a load from another lane's place, 32 times", shared, o2::shared, o3::shared, 64, true},
 };
