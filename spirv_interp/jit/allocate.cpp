@@ -13,7 +13,7 @@ using ir::Value;
 
 class Allocator {
  public:
-  explicit Allocator(Plan& p) : p_(p) {}
+  explicit Allocator(Plan& p) : p_(p), free_(p.registers) {}
 
   void run() {
     const size_t n = p_.f->insts.size() + 1;
@@ -65,11 +65,12 @@ class Allocator {
             break;
           }
         }
-      if (reg < 0 && free_) reg = std::countr_zero(free_);
+      if (reg < 0 && free_) reg = p_.upperFirst ? 31 - std::countl_zero(free_) : std::countr_zero(free_);
       if (reg < 0) {
         int lightest = -1;
         float weight = v.weight;
-        for (uint32_t r = 0; r < kAllocatable; r++) {
+        for (uint32_t left = p_.registers; left; left &= left - 1) {
+          const uint32_t r = uint32_t(std::countr_zero(left));
           const Holder& h = held_[r];
           if (h.weight < weight && (h.start != at || at == 0)) {
             weight = h.weight;
@@ -99,6 +100,7 @@ class Allocator {
     for (uint32_t at = 0; at < starts_.size(); at++) {
       for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r])
         for (uint32_t part = 0; part < p_.parts(p_.vregs[r]); part++) {
+          if (p_.vregs[r].reg[part] >= 0) p_.used |= 1u << p_.vregs[r].reg[part];
           if (p_.vregs[r].reg[part] >= 0 || p_.vregs[r].uniform) continue;
           if (unused.empty()) unused.push_back(p_.frameSlots++);
           p_.vregs[r].slot[part] = unused.back();
@@ -112,8 +114,8 @@ class Allocator {
 
   Plan& p_;
   std::vector<uint32_t> starts_, ends_, nextStart_, nextEnd_;
-  Holder held_[kAllocatable];
-  uint32_t free_ = (1u << kAllocatable) - 1;
+  Holder held_[kMaxRegisters];
+  uint32_t free_;
 };
 
 }  // namespace

@@ -364,14 +364,14 @@ void Emitter::shift(Value v) {
   const bool wide = i.type == Type::I64;
   const InstId byImm = i.op == Op::Shl    ? (wide ? I::kIdVpsllq : I::kIdVpslld)
                        : i.op == Op::LShr ? (wide ? I::kIdVpsrlq : I::kIdVpsrld)
-                                          : I::kIdVpsrad;
+                                          : (wide ? I::kIdVpsraq : I::kIdVpsrad);
   const InstId byLane = i.op == Op::Shl    ? (wide ? I::kIdVpsllvq : I::kIdVpsllvd)
                         : i.op == Op::LShr ? (wide ? I::kIdVpsrlvq : I::kIdVpsrlvd)
-                                           : I::kIdVpsravd;
+                                           : (wide ? I::kIdVpsravq : I::kIdVpsravd);
   const uint32_t width = wide ? 63 : 31;
   for (uint32_t part = 0; part < partsOf(i.type); part++) {
     const Ymm d = target(v, part);
-    if (wide && i.op == Op::AShr) {
+    if (wide && i.op == Op::AShr && !a_.evex()) {
       // The sign fills from above; shifts by 64 give zero.
       const Source x = source(o[0], part);
       if (isConst(o[1])) {
@@ -465,6 +465,12 @@ void Emitter::divide(Value v) {
 void Emitter::multiplyWide(Value v) {
   const auto o = f_.operands(v);
   for (uint32_t part = 0; part < partsOf(Type::I64); part++) {
+    if (a_.evex()) {
+      const Ymm d = target(v, part);
+      bin(I::kIdVpmullq, d, source(o[0], part), source(o[1], part), true);
+      finish(v, part, d);
+      continue;
+    }
     const Ymm a = load(o[0], part, t2());
     const Source b = source(o[1], part);
     a_.vpsrlq(t0(), a, 32);

@@ -25,7 +25,7 @@ void Emitter::any(uint32_t id, const asmjit::Label& to) {
 
 void Emitter::suspend(interp::Progress why, const asmjit::Label& resume) {
   resumes_.push_back(resume);
-  for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
+  saveRegisters();
   a_.mov(x86::dword_ptr(frame_, kFrameResume), uint32_t(resumes_.size()));
   a_.mov(x86::eax, uint32_t(why));
   a_.jmp(exit_);

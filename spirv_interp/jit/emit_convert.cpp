@@ -167,6 +167,10 @@ bool Emitter::convert(Value v) {
         const Ymm x = load(o, part, t0());
         a_.vxorps(t1(), t1(), t1());
         a_.vmaxps(t0(), x, t1());                     // NaN and negative: 0
+        if (a_.evex()) {
+          a_.vcvttps2udq(d, t0());                    // out of range: all ones
+          return;
+        }
         a_.vcmpps(t1(), t0(), pool32(0x4f000000), 29);
         a_.vandps(t2(), t1(), pool32(0x4f000000));
         a_.vsubps(t2(), t0(), t2());                  // less 2^31: exact
@@ -186,6 +190,7 @@ bool Emitter::convert(Value v) {
       if (from == Type::I8 || from == Type::I16 || (from == Type::I32 && isNonNegative(f_, o)))
         return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtdq2ps, d, source(o, part).op()); });
       if (from != Type::I32) return false;
+      if (a_.evex()) return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtudq2ps, d, source(o, part).op()); });
       return each([&](Ymm d, uint32_t part) {
         // Both halves are exact, so only the sum rounds.
         const Ymm x = load(o, part, t0());

@@ -181,6 +181,12 @@ void Emitter::output(Value v) {
       const x86::Mem m = x86::ptr(x86::rsi, lane0_, bytes == 8 ? 3 : 2, int32_t(32 * part));
       const Ymm s = loadSettled(value, part, t0());
       const Ymm e = bytes == 8 ? wideMaskOf(vregSource(mask, part / 2), part, t1()) : vregLoad(mask, part, t1());
+      if (a_.evex()) {
+        a_.emit(bytes == 8 ? I::kIdVpmovq2m : I::kIdVpmovd2m, x86::k1, e);
+        if (bytes == 8) a_.k(x86::k1).vmovupd(m, s);
+        else a_.k(x86::k1).vmovups(m, s);
+        continue;
+      }
       a_.vmovups(t2(), m);
       a_.vblendvps(t2(), t2(), s, e);
       a_.vmovups(m, t2());

@@ -21,7 +21,7 @@ class KeepError final : public asmjit::ErrorHandler {
 }  // namespace
 
 Emitter::Emitter(const Plan& plan, asmjit::CodeHolder& code, const interp::KernelTable& kernels)
-    : p_(plan), f_(*plan.f), kernels_(kernels), a_(&code), bankSlot_(f_.insts.size(), 0), linear_(f_.insts.size(), -1), hot_(f_.insts.size(), -1) {}
+    : p_(plan), f_(*plan.f), kernels_(kernels), a_(&code, plan.registers == kRegistersAvx512), bankSlot_(f_.insts.size(), 0), linear_(f_.insts.size(), -1), hot_(f_.insts.size(), -1) {}
 
 std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& preambleLabel) {
   out_ = &out;
@@ -58,10 +58,10 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
     a_.align(asmjit::AlignMode::kCode, 16);
     a_.bind(thunk_);
     a_.sub(x86::rsp, 8);
-    for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
+    saveRegisters();
     a_.vzeroupper();
     a_.call(x86::rax);
-    for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
+    restoreRegisters();
     a_.add(x86::rsp, 8);
     a_.ret();
   }
@@ -265,6 +265,15 @@ void Emitter::maskFromBits(Ymm to, const x86::Gp& bits, uint32_t part) {
 
 // --- body and preamble
 
+void Emitter::saveRegisters() {
+  for (uint32_t r = 0; r < kMaxRegisters; r++)
+    if (p_.used >> r & 1) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
+}
+void Emitter::restoreRegisters() {
+  for (uint32_t r = 0; r < kMaxRegisters; r++)
+    if (p_.used >> r & 1) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
+}
+
 void Emitter::operation(Value v) {
   if (alu(v) || convert(v) || lanes(v) || memory(v) || callOut(v)) return;
   fail(v, "neither emitter nor kernels have this operation");
@@ -348,7 +357,7 @@ void Emitter::body() {
 
   if (!p_.suspends) return;
   a_.bind(dispatch);
-  for (uint32_t r = 0; r < kAllocatable; r++) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
+  restoreRegisters();
   for (size_t k = 0; k < resumes_.size(); k++) {
     a_.cmp(x86::eax, uint32_t(k + 1));
     a_.je(resumes_[k]);

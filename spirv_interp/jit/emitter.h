@@ -1,7 +1,7 @@
 // Writes the machine code of one routine. Split by kind of operation into emit_*.cpp.
 //
 // Registers: rbx frame, r12 bank, r13 ChunkCall, r14 pool of constants, rbp first lane; the other general ones and
-// ymm13 .. ymm15 are scratch within an operation. Every operation writes its result last (allocate.cpp relies on it).
+// ymm13 .. ymm15 are scratch within an operation (plan.h). Every operation writes its result last (allocate.cpp relies on it).
 //
 // Values that do not depend on the lane are computed by the preamble, once a draw, and stand in the bank as whole
 // vectors (32 bytes each), so that they are memory operands. The preamble is emitted by the same functions, with one
@@ -15,6 +15,7 @@
 
 #include "spirv_interp/jit/frame.h"
 #include "spirv_interp/jit/plan.h"
+#include "spirv_interp/jit/vector_assembler.h"
 
 namespace pumice::jit {
 
@@ -46,6 +47,7 @@ InstId commutative(Op op, Type t);
 
 class Emitter {
  public:
+  //! AVX-512 if the plan has its registers.
   Emitter(const Plan& plan, asmjit::CodeHolder& code, const interp::KernelTable& kernels);
   //! Emits body and preamble. An empty string, or why not.
   std::string run(Emitted& out, asmjit::Label& body, asmjit::Label& preamble);
@@ -165,6 +167,8 @@ class Emitter {
   void none(uint32_t vreg, const asmjit::Label& to);     //!< jumps if no lane is active
   void any(uint32_t vreg, const asmjit::Label& to);
   void testMask(uint32_t vreg);
+  void saveRegisters();
+  void restoreRegisters();
   void suspend(interp::Progress why, const asmjit::Label& resume);
   void body();
   void loadAhead();
@@ -175,7 +179,7 @@ class Emitter {
   const Plan& p_;
   const Function& f_;
   const interp::KernelTable& kernels_;
-  x86::Assembler a_;
+  VectorAssembler a_;
   Emitted* out_ = nullptr;
   bool preamble_ = false;
   bool single_ = false;         //!< the operation has one part only: preamble, or flat

@@ -8,7 +8,7 @@ namespace pumice::jit {
 
 // The frame of a chunk: its registers while it waits or calls out, operands of call-outs, slots, local memory.
 constexpr uint32_t kFrameSave = 0;
-constexpr uint32_t kFrameRows = 512;
+constexpr uint32_t kFrameRows = kFrameSave + kMaxRegisters * kVectorBytes;
 constexpr uint32_t kFrameRowBytes = 32 * 8;    //!< 32 lanes of 64 bits
 constexpr uint32_t kFrameRowCount = 6;         //!< five operands and the result
 constexpr uint32_t kFrameExec = kFrameRows + kFrameRowCount * kFrameRowBytes;   //!< u32: active lanes at a call-out

@@ -203,6 +203,12 @@ void writePerfMap(const std::byte* code, size_t size, const std::string& name) {
   }
 }
 
+//! AVX-512 only when it is asked for: it has been proven under an emulator, but no such processor has run or timed it yet.
+bool wantsAvx512(Isa isa) {
+  static const bool best = runs(Isa::Avx512) && base::envString(base::EnvVar::Isa) == "avx512";
+  return isa == Isa::Best ? best : isa == Isa::Avx512;
+}
+
 Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const interp::CompileOptions& options, const JitOptions& jit) {
   ir::Function f = source;
   ir::lowerMath(f, options.numerics);
@@ -210,7 +216,8 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   widenHalves(f);
   if (jit.wholeBlocks) computeWhenNeeded(f);
   ir::computeRates(f);
-  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks);
+  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, wantsAvx512(jit.isa) ? kRegistersAvx512 : kRegistersAvx2);
+  plan.upperFirst = jit.upperFirst;
   allocate(plan);
 
   asmjit::CodeHolder holder;
@@ -243,6 +250,12 @@ bool available() {
     return features.hasAVX2() && features.hasFMA() && features.hasF16C() && features.hasBMI() && (target == "AVX2" || target == "AVX3");
   }();
   return yes;
+}
+
+bool runs(Isa isa) {
+  const auto& features = asmjit::CpuInfo::host().features().x86();
+  if (isa != Isa::Avx512) return available();
+  return available() && features.hasAVX512_F() && features.hasAVX512_VL() && features.hasAVX512_DQ() && features.hasAVX512_BW();
 }
 
 Result<std::unique_ptr<Executable>> compile(const ir::Function& f, const interp::CompileOptions& options, const JitOptions& jit) {

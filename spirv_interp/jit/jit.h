@@ -1,4 +1,4 @@
-// The JIT: lane IR to x86-64 machine code (AVX2, FMA, F16C), behind the same border as the interpreter
+// The JIT: lane IR to x86-64 machine code (AVX2, FMA, F16C; AVX-512), behind the same border as the interpreter
 // (interpreter/executor.h) and with the same bits.
 //
 // A row is run in *chunks* of 8, 16 or 32 consecutive lanes: 1, 2 or 4 vector registers per 32-bit value. Each chunk runs
@@ -15,8 +15,16 @@
 
 namespace pumice::jit {
 
+enum class Isa : uint8_t {
+  Best,     //!< AVX-512 if PUMICE_ISA says so, else AVX2
+  Avx2,
+  Avx512,   //!< its 256-bit forms (F, VL, DQ, BW): 32 registers, three-operand logic, masked stores
+};
+
 struct JitOptions {
   uint32_t chunkLanes = 0;       //!< 8, 16 or 32; 0: by register pressure
+  Isa isa = Isa::Best;           //!< one that this machine has not can be emitted, but not run
+  bool upperFirst = false;       //!< for tests: values take ymm16 .. ymm31 first, if there are any
   std::string* listing = nullptr;  //!< receives the assembly
   //! A promise of the caller for every row: all lanes are active and their number is a multiple of 32; all quads have one record; quads
   //! come in fours from whole 4x4 blocks, the elements of the others behind those of the first.
@@ -25,6 +33,8 @@ struct JitOptions {
 
 //! Whether this machine can run the code (x86-64 with AVX2, FMA, F16C, BMI, unless PUMICE_ISA asks for less).
 bool available();
+//! Whether this machine can run what was emitted for `isa`.
+bool runs(Isa isa);
 
 //! As interp::compileInterpreter. Errors: not available, an operation that neither the emitter nor a kernel has, no
 //! executable memory. The caller then takes the interpreter.

@@ -669,9 +669,10 @@ uint32_t pressure(const Plan& p) {
 
 }  // namespace
 
-Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks) {
+Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers) {
   Plan p;
   p.wholeBlocks = wholeBlocks;
+  p.registers = registers;
   Planner(f, p).run();
   if (needsSubgroups(f)) p.unroll = ir::kSubgroupLanes / kVectorLanes;
   else if (lanes) p.unroll = lanes / kVectorLanes;

@@ -14,7 +14,11 @@ constexpr uint32_t kVectorBytes = 32;
 constexpr uint32_t kVectorLanes = 8;      //!< 32-bit elements
 constexpr uint32_t kMaxUnroll = 4;
 constexpr uint32_t kMaxParts = 2 * kMaxUnroll;
-constexpr uint32_t kAllocatable = 13;     //!< ymm0 .. ymm12; the others are scratch
+//! Vector registers that values may have, a bit each. ymm13 .. ymm15 are scratch of the emitter; with 32 registers ymm12 is one
+//! of VectorAssembler, for instructions that only know the lower 16.
+constexpr uint32_t kRegistersAvx2 = 0x1fff, kRegistersAvx512 = 0xffff0fff;
+constexpr uint32_t kLowScratch = 12;
+constexpr uint32_t kMaxRegisters = 32;
 
 //! Something that lives in registers: a value, a variable, or the active lanes of a region. It has one vector register
 //! (part) per 8 lanes, of 64-bit types two. A part has one place for its whole life: a register or a slot of the frame.
@@ -73,6 +77,9 @@ struct Plan {
   bool suspends = false;         //!< mayWait, or a barrier
   bool wholeBlocks = false;      //!< JitOptions; chunks follow one another inside of one call
   std::vector<ir::Value> ahead;  //!< wholeBlocks: what is loaded once a row, before its first chunk. In the frame
+  uint32_t registers = kRegistersAvx2;   //!< to be had
+  bool upperFirst = false;       //!< the highest free one is taken, not the lowest, whose instructions are shorter
+  uint32_t used = 0;             //!< had by something
   uint32_t frameSlots = 0;       //!< vectors of the frame
 
   bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
@@ -81,7 +88,7 @@ struct Plan {
 
 //! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here. `wholeBlocks`: as JitOptions; taken if chunks need no state of
 //! their own.
-Plan makePlan(const ir::Function& f, uint32_t lanes, bool wholeBlocks = false);
+Plan makePlan(const ir::Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers);
 //! Gives each part of each Vreg its place: a linear scan over positions.
 void allocate(Plan& plan);
 

@@ -4,6 +4,7 @@
 namespace pumice::jit {
 
 bool available() { return false; }
+bool runs(Isa) { return false; }
 interp::Result<std::unique_ptr<interp::Executable>> compile(const ir::Function&, const interp::CompileOptions&, const JitOptions&) {
   return base::errorf("there is no emitter for this processor");
 }

@@ -15,7 +15,7 @@ TEST_P(JitControlFlow, givesTheInterpretersBits) {
     want(f);
     for (uint32_t width : {8u, 16u, 32u}) {
       std::string listing;
-      auto e = jit::compile(f, {}, {.chunkLanes = width, .listing = &listing});
+      auto e = jit::compile(f, {}, {.chunkLanes = width, .upperFirst = width == 16, .listing = &listing});
       ASSERT_TRUE(e) << e.error().message;
       RowRun run = start;
       run.execute(**e);

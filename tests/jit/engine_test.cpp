@@ -20,6 +20,26 @@ TEST(JitEngine, listsWhatItEmits) {
   EXPECT_NE(listing.find("vmulps"), std::string::npos) << listing;
 }
 
+//! AVX-512 code has more registers, and logic of three operands instead of a blend; AVX2 code has neither. (Whether it gives
+//! the same bits is a matter of the other tests, on such a machine.)
+TEST(JitEngine, writesForTheInstructionSetItIsTold) {
+  if (!jit::available()) GTEST_SKIP();
+  std::string text;
+  for (int k = 1; k <= 20; k++) text += "%" + std::to_string(k) + " = input f32 " + std::to_string(k - 1) + "\n";
+  text += "%21 = flt mask %1, %2\n%22 = select f32 %21, %2, %3\n";
+  for (int k = 23; k <= 42; k++) text += "%" + std::to_string(k) + " = fma f32 %" + std::to_string(k - 1) + ", %" + std::to_string(k - 22) + ", %1\n";
+  const Function f = parsed(text + "output 0 %42");
+  std::string avx2, avx512;
+  ASSERT_TRUE(jit::compile(f, {}, {.chunkLanes = 8, .isa = jit::Isa::Avx2, .listing = &avx2}));
+  ASSERT_TRUE(jit::compile(f, {}, {.chunkLanes = 8, .isa = jit::Isa::Avx512, .listing = &avx512}));
+  EXPECT_EQ(avx2.find("ymm16"), std::string::npos) << avx2;
+  EXPECT_EQ(avx2.find("k1"), std::string::npos) << avx2;
+  EXPECT_NE(avx2.find("vblendvps"), std::string::npos) << avx2;
+  EXPECT_NE(avx512.find("ymm16"), std::string::npos) << avx512;
+  EXPECT_NE(avx512.find("vpternlogd"), std::string::npos) << avx512;
+  EXPECT_NE(avx512.find("{k1}"), std::string::npos) << avx512;
+}
+
 TEST(JitEngine, countsRoutinesAndWhatTheInterpretersKernelsDo) {
   if (!jit::available()) GTEST_SKIP();
   const jit::Statistics before = jit::statistics();

@@ -70,7 +70,7 @@ void agrees(const std::string& text, size_t bytes) {
       const std::vector<std::byte> written = memory.contents();
       for (uint32_t width : {8u, 16u, 32u}) {
         std::string listing;
-        auto e = jit::compile(f, {}, {.chunkLanes = width, .listing = &listing});
+        auto e = jit::compile(f, {}, {.chunkLanes = width, .upperFirst = width == 16, .listing = &listing});
         ASSERT_TRUE(e) << e.error().message;
         memory.fill();
         RowRun run = start;

@@ -20,11 +20,15 @@ void agrees(uint64_t seed, bool optimise, ir::Numerics numerics = ir::Numerics::
   auto interpreted = interp::compileInterpreter(f, {.numerics = numerics, .checked = {}});
   ASSERT_TRUE(interpreted) << interpreted.error().message;
   const Results want = world.run(**interpreted);
-  for (uint32_t lanes : {8u, 16u, 32u, 0u}) {
-    auto native = jit::compile(f, {.numerics = numerics, .checked = {}}, {.chunkLanes = lanes});
+  constexpr jit::Isa kAvx512 = jit::Isa::Avx512;
+  for (const jit::JitOptions& options : {jit::JitOptions{.chunkLanes = 8}, {.chunkLanes = 16}, {.chunkLanes = 32}, {}, {.chunkLanes = 16, .isa = kAvx512},
+                                         {.chunkLanes = 8, .isa = kAvx512, .upperFirst = true}, {.isa = kAvx512, .upperFirst = true}}) {
+    auto native = jit::compile(f, {.numerics = numerics, .checked = {}}, options);
     ASSERT_TRUE(native) << native.error().message << "\nseed " << seed << "\n" << ir::print(f);
+    if (!jit::runs(options.isa)) continue;   // at least it can be encoded
     ASSERT_EQ(world.difference(want, world.run(**native)), "")
-        << "chunks of " << lanes << ", seed " << seed << (optimise ? ", optimised" : "") << ", rows of " << randomShape(seed).rowLanes << "\n" << ir::print(f);
+        << "chunks of " << options.chunkLanes << (options.isa == kAvx512 ? ", AVX-512" : "") << (options.upperFirst ? ", upper registers first" : "")
+        << ", seed " << seed << (optimise ? ", optimised" : "") << ", rows of " << randomShape(seed).rowLanes << "\n" << ir::print(f);
   }
 }
 void agree(uint64_t first, uint64_t count, ir::Numerics numerics = ir::Numerics::F32) {
@@ -45,10 +49,13 @@ TEST(JitRandomPrograms, giveTheSameBitsInRowsOfWholeBlocks) {
     auto interpreted = interp::compileInterpreter(p.function, {});
     ASSERT_TRUE(interpreted) << interpreted.error().message;
     const Results want = world.run(**interpreted);
-    for (uint32_t lanes : {8u, 16u, 32u, 0u}) {
-      auto native = jit::compile(p.function, {}, {.chunkLanes = lanes, .wholeBlocks = true});
+    for (const jit::JitOptions& options : {jit::JitOptions{.chunkLanes = 8, .wholeBlocks = true}, {.chunkLanes = 16, .wholeBlocks = true},
+                                           {.chunkLanes = 32, .wholeBlocks = true}, {.wholeBlocks = true},
+                                           {.isa = jit::Isa::Avx512, .upperFirst = true, .wholeBlocks = true}}) {
+      auto native = jit::compile(p.function, {}, options);
       ASSERT_TRUE(native) << native.error().message << "\nseed " << seed << "\n" << ir::print(p.function);
-      ASSERT_EQ(world.difference(want, world.run(**native)), "") << "chunks of " << lanes << ", seed " << seed << "\n" << ir::print(p.function);
+      if (!jit::runs(options.isa)) continue;   // at least it can be encoded
+      ASSERT_EQ(world.difference(want, world.run(**native)), "") << "chunks of " << options.chunkLanes << ", seed " << seed << "\n" << ir::print(p.function);
     }
   }
 }
