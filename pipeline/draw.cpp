@@ -312,7 +312,7 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   if (fixed.decisions) beginDecisions();
   for (const auto& b : fixed.vertexBindings) c.vertexStrides[b.binding] = b.stride;
   std::memcpy(record->push, state.push, sizeof record->push);
-  fillTables(record->push, state.setMemory, state.setSize, c, record->tables);
+  fillTables(record->push, state.setMemory, state.setSize, pipeline.layout->sets.size(), c, record->tables);
   if (record->fragment) record->bank = record->fragment->code->preamble(record->tables);
 
   counters.varyingsInterpolated += pipeline.link.varyings.size();

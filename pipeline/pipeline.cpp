@@ -212,11 +212,11 @@ void fillConstants(const DrawState& draw, DrawConstants& c) {
   std::memcpy(c.vertexBuffers, draw.vertexBuffers, sizeof c.vertexBuffers);
 }
 
-void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, const DrawConstants& constants,
+void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, size_t sets, const DrawConstants& constants,
                 interp::Tables& tables) {
   tables[ir::kTablePush] = {push, kMaxPushBytes};
   tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&constants), sizeof constants};
-  for (uint32_t i = 0; i < ir::kMaxDescriptorSets; ++i)
+  for (size_t i = 0; i < std::min<size_t>(sets, ir::kMaxDescriptorSets); ++i)
     tables[ir::kTableSet0 + i] = {setMemory[i], setMemory[i] ? setSize[i] : 0};
   const texture::ConstantTable constantsOfFormats = texture::constantTable();
   tables[ir::kTableConstants] = {constantsOfFormats.data, constantsOfFormats.size};

@@ -69,6 +69,46 @@ TEST_P(ExtensionFeatures, DepthRangeUnrestricted) {
   }
 }
 
+// As many sets as there may be, each with a buffer of its own.
+TEST_P(ExtensionFeatures, AllDescriptorSets) {
+  const uint32_t sets = std::min(device().properties.limits.maxBoundDescriptorSets, 32u);
+  if (GetParam() == Role::kTested) {
+    EXPECT_EQ(sets, 32u);
+  }
+  Workspace work(device());
+  std::string shader = "#version 460\nlayout(local_size_x = 1) in;\nlayout(set = 0, binding = 1) buffer Out { uint r[]; };\n", body;
+  for (uint32_t i = 0; i < sets; i++) {
+    const std::string n = std::to_string(i);
+    shader += "layout(set = " + n + ", binding = 0) readonly buffer B" + n + " { uint v; } b" + n + ";\n";
+    body += "  r[" + n + "] = b" + n + ".v;\n";
+  }
+  VkDescriptorSetLayout one = makeSetLayout(work, {computeBinding(0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER), computeBinding(1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER)});
+  VkPipelineLayout layout = makePipelineLayout(work, std::vector<VkDescriptorSetLayout>(sets, one));
+  VkPipeline pipeline = makeCompute(work, work.shader(VK_SHADER_STAGE_COMPUTE_BIT, shader + "void main() {\n" + body + "}\n", ShaderTarget::kVulkan13), layout);
+  VkDescriptorPool pool = makePool(work, {{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 2 * sets}}, sets);
+  Buffer out = work.bufferOf(Words(sets, 0), kStorage);
+  std::vector<VkDescriptorSet> all;
+  for (uint32_t i = 0; i < sets; i++) {
+    all.push_back(makeSet(work, pool, one));
+    Buffer in = work.bufferOf(Words{1000 + i}, kStorage);
+    VkDescriptorBufferInfo infos[2] = {{in.handle, 0, VK_WHOLE_SIZE}, {out.handle, 0, VK_WHOLE_SIZE}};
+    VkWriteDescriptorSet writes[2] = {writeBuffer(all[i], 0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &infos[0]),
+                                      writeBuffer(all[i], 1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, &infos[1])};
+    vkUpdateDescriptorSets(work.device.handle, 2, writes, 0, nullptr);
+  }
+  work.device.run([&](VkCommandBuffer c) {
+    vkCmdBindPipeline(c, VK_PIPELINE_BIND_POINT_COMPUTE, pipeline);
+    vkCmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_COMPUTE, layout, 0, sets - 1, all.data(), 0, nullptr);
+    vkCmdBindDescriptorSets(c, VK_PIPELINE_BIND_POINT_COMPUTE, layout, sets - 1, 1, &all[sets - 1], 0, nullptr);
+    vkCmdDispatch(c, 1, 1, 1);
+    fullBarrier(c);
+  });
+  Words found(sets), expected;
+  std::memcpy(found.data(), out.mapped, sets * 4);
+  for (uint32_t i = 0; i < sets; i++) expected.push_back(1000 + i);
+  expect(found, expected);
+}
+
 PUMICE_ON_BOTH_DEVICES(ExtensionFeatures);
 
 }  // namespace

@@ -103,10 +103,10 @@ enum class AtomicOp : uint8_t { Add, SMin, SMax, UMin, UMax, And, Or, Xor, Excha
 enum Table : uint32_t {
   kTablePush = 0,   //!< push constants
   kTableDraw = 1,   //!< draw constants (pipeline/draw_constants.h)
-  kTableSet0 = 2,   //!< memory of descriptor set n is kTableSet0 + n (texture/descriptor.h)
-  kMaxDescriptorSets = 8,
-  kTableConstants = kTableSet0 + kMaxDescriptorSets,  //!< texture::constantTable(), the same for every routine
-  kTableCount,
+  kTableConstants = 2,   //!< texture::constantTable(), the same for every routine
+  kTableSet0 = 3,   //!< memory of descriptor set n is kTableSet0 + n (texture/descriptor.h)
+  kMaxDescriptorSets = 32,
+  kTableCount = kTableSet0 + kMaxDescriptorSets,
 };
 
 //! What an `image` instruction does. Operands come in the order of the flags below, each scalarised.
