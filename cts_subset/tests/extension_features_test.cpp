@@ -7,6 +7,34 @@ namespace {
 
 class ExtensionFeatures : public OneExtensionTest {};
 
+TEST_P(ExtensionFeatures, ShaderClock) {
+  PUMICE_NEED_FEATURE(available(VK_KHR_SHADER_CLOCK_EXTENSION_NAME) && device().features.shaderInt64);
+  auto wanted = features<VkPhysicalDeviceShaderClockFeaturesKHR>(VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_SHADER_CLOCK_FEATURES_KHR);
+  PUMICE_NEED_FEATURE(wanted.shaderSubgroupClock && wanted.shaderDeviceClock);
+  VkPhysicalDeviceMaintenance4Features localSizeIds{VK_STRUCTURE_TYPE_PHYSICAL_DEVICE_MAINTENANCE_4_FEATURES, nullptr, VK_TRUE};
+  wanted.pNext = &localSizeIds;
+  VkPhysicalDeviceFeatures core{};
+  core.shaderInt64 = VK_TRUE;
+  std::vector<uint64_t> r = valuesOf<uint64_t>(runCompute(open(VK_KHR_SHADER_CLOCK_EXTENSION_NAME, &wanted, core), R"(
+#extension GL_ARB_gpu_shader_int64 : require
+#extension GL_ARB_shader_clock : require
+#extension GL_EXT_shader_realtime_clock : require
+layout(local_size_x = 64) in;
+layout(binding = 1) buffer Out { uint64_t r[]; };
+uint busy(uint x) { for (int i = 0; i < 20000; i++) x = x * 1664525u + 1013904223u; return x; }
+void main() {
+  uint i = gl_LocalInvocationIndex, o = i * 5;
+  uint64_t t0 = clockRealtimeEXT(), s0 = clockARB();
+  r[o + 4] = busy(i);
+  uvec2 s1 = clock2x32ARB(), t1 = clockRealtime2x32EXT();
+  r[o] = t0; r[o + 1] = uint64_t(t1.y) << 32 | t1.x; r[o + 2] = s0; r[o + 3] = uint64_t(s1.y) << 32 | s1.x;
+})", Words(1), 64 * 10));
+  for (uint32_t i = 0; i < 64; i++) {
+    EXPECT_LT(r[i * 5], r[i * 5 + 1]) << i;
+    EXPECT_LT(r[i * 5 + 2], r[i * 5 + 3]) << i;
+  }
+}
+
 // Depths outside [0, 1] of a float format, from the viewport, the shader and clears.
 TEST_P(ExtensionFeatures, DepthRangeUnrestricted) {
   PUMICE_NEED_FEATURE(available(VK_EXT_DEPTH_RANGE_UNRESTRICTED_EXTENSION_NAME) && device().vulkan13.dynamicRendering);

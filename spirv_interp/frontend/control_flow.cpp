@@ -453,6 +453,15 @@ void onControlBarrier(Translator& t, const Instruction& inst, uint32_t) {
     fail("OpControlBarrier of scope %u is not supported", uint32_t(scope));
 }
 
+//! Two words, or one of 64 bits. One clock serves all scopes.
+void onReadClock(Translator& t, const Instruction& inst, uint32_t) {
+  auto scope = spv::Scope(t.requireConstant(inst.operand(0), "scope"));
+  if (scope != spv::Scope::Subgroup && scope != spv::Scope::Device) fail("OpReadClockKHR of scope %u is not supported", uint32_t(scope));
+  Value time = t.b.emit(Op::Clock, Type::I64, {});
+  if (t.type(inst.resultType).scalars == 1) return t.define(inst, {time});
+  t.define(inst, {t.b.convert(Op::Trunc, Type::I32, time), t.b.convert(Op::Trunc, Type::I32, t.b.lshr(time, t.b.i64(32)))});
+}
+
 void onExtInst(Translator& t, const Instruction& inst, uint32_t) {
   auto set = t.module.extendedSets.find(inst.operand(0));
   if (set == t.module.extendedSets.end()) fail("OpExtInst of an unknown instruction set");
@@ -471,6 +480,7 @@ constexpr HandlerEntry kHandlers[] = {
     {spv::Op::OpControlBarrier, onControlBarrier},
     {spv::Op::OpDemoteToHelperInvocation, onDemote},
     {spv::Op::OpIsHelperInvocationEXT, onIsHelper},
+    {spv::Op::OpReadClockKHR, onReadClock},
     {spv::Op::OpExtInst, onExtInst},
 };
 

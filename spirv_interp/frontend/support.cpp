@@ -63,7 +63,7 @@ constexpr C kSupported[] = {
     C::DotProductInputAll, C::DotProductInput4x8Bit, C::DotProductInput4x8BitPacked,
     C::GroupNonUniform, C::GroupNonUniformVote, C::GroupNonUniformArithmetic, C::GroupNonUniformBallot,
     C::GroupNonUniformShuffle, C::GroupNonUniformShuffleRelative, C::GroupNonUniformClustered, C::GroupNonUniformQuad,
-    C::GroupNonUniformRotateKHR,
+    C::GroupNonUniformRotateKHR, C::ShaderClockKHR,
     C::SubgroupBallotKHR, C::SubgroupVoteKHR,
     // What lane IR does anyway; the execution modes say for which widths.
     C::DenormPreserve, C::SignedZeroInfNanPreserve, C::RoundingModeRTE,
@@ -101,7 +101,7 @@ constexpr RejectedCapability kRejected[] = {
     {C::RayQueryProvisionalKHR, kRay}, {C::RayQueryKHR, kRay}, {C::RayTraversalPrimitiveCullingKHR, kRay},
     {C::RayTracingKHR, kRay}, {C::Float16ImageAMD, kVendor}, {C::ImageGatherBiasLodAMD, kVendor},
     {C::FragmentMaskAMD, kVendor}, {C::ImageReadWriteLodAMD, kVendor}, {C::Int64ImageEXT, kExtension},
-    {C::ShaderClockKHR, kExtension}, {C::SampleMaskOverrideCoverageNV, kVendor},
+    {C::SampleMaskOverrideCoverageNV, kVendor},
     {C::GeometryShaderPassthroughNV, kGeometry}, {C::ShaderViewportMaskNV, kVendor}, {C::ShaderStereoViewNV, kVendor},
     {C::PerViewAttributesNV, kVendor}, {C::FragmentFullyCoveredEXT, kExtension}, {C::MeshShadingNV, kMesh},
     {C::ImageFootprintNV, kVendor}, {C::MeshShadingEXT, kMesh}, {C::FragmentBarycentricKHR, kExtension},

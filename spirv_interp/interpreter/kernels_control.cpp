@@ -1,4 +1,6 @@
 // Control flow and masks. E is two words, so all of this is nearly free.
+#include <algorithm>
+#include <chrono>
 #include <cstring>
 
 #include "spirv_interp/interpreter/bytecode.h"
@@ -147,6 +149,12 @@ const Code* execMask(RunState& s, const Code* c) {
   return c + 1;
 }
 
+const Code* clock(RunState& s, const Code* c) {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  std::fill_n(s.row<uint64_t>(c->dst), s.rounded, uint64_t(std::chrono::nanoseconds(now).count()));
+  return c + 1;
+}
+
 }  // namespace
 
 void addControlKernels(KernelTable& t) {
@@ -169,6 +177,7 @@ void addControlKernels(KernelTable& t) {
   t.at(Op::Input, Type::Mask) = maskInput;
   t.at(Op::QuadSwizzle, Type::Mask) = maskSwizzle;
   t.at(Op::ExecMask, Type::Mask) = execMask;
+  t.at(Op::Clock, Type::I64) = clock;
   t.at(Internal::Splat, Type::Mask) = maskSplat;
   t.at(Internal::Copy, Type::Mask) = maskCopy;
   t.at(Internal::Zero, Type::Mask) = maskZero;

@@ -18,7 +18,7 @@ bool Emitter::callOut(Value v) {
   const auto o = f_.operands(v);
   const ir::OpInfo& info = ir::opInfo(i.op);
   // What depends on the place of the chunk in the row, or on more than its operands, has code of its own.
-  if (o.size() > 5 || o.empty() || i.op == Op::Check || (info.flags & (ir::kControl | ir::kHigh))) return false;
+  if (o.size() > 5 || (o.empty() && i.op != Op::Clock) || i.op == Op::Check || (info.flags & (ir::kControl | ir::kHigh))) return false;
   auto site = std::make_unique<CallOut>();
   const bool compares = info.operands == ir::OperandRule::CmpF || info.operands == ir::OperandRule::CmpI;
   const Type type = compares ? f_.type(o[0]) : i.type != Type::None ? i.type : f_.type(o.back());

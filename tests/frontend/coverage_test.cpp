@@ -439,17 +439,17 @@ OpFunctionEnd
 TEST(Coverage, WhatIsNotSupportedIsNamed) {
   std::string log;
   auto words = test::compileGlsl(GlslStage::Compute, R"(#version 450
-#extension GL_ARB_shader_clock : require
-#extension GL_ARB_gpu_shader_int64 : require
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+#extension GL_EXT_shader_image_int64 : require
 layout(local_size_x=4) in;
-layout(binding=0) buffer B { uvec2 n; } b;
-void main() { b.n = clock2x32ARB(); })", &log);
+layout(binding=0, r64ui) uniform u64image2D image;
+void main() { imageStore(image, ivec2(0), u64vec4(1)); })", &log);
   ASSERT_FALSE(words.empty()) << log;
   auto module = parseModule(words);
   ASSERT_TRUE(module.hasValue()) << module.error().message;
   auto shader = translate(**module, Stage::Compute, "main", {});
   ASSERT_FALSE(shader.hasValue());
-  EXPECT_NE(shader.error().message.find("ShaderClockKHR is an extension"), std::string::npos) << shader.error().message;
+  EXPECT_NE(shader.error().message.find("Int64ImageEXT is an extension"), std::string::npos) << shader.error().message;
 }
 
 }  // namespace

@@ -30,6 +30,7 @@ TEST(Support, TheCapabilitiesOfVulkanAreTaken) {
               C::ImageBuffer, C::StorageImageMultisample, C::InputAttachment, C::ShaderNonUniform,
               C::RuntimeDescriptorArray, C::DemoteToHelperInvocation, C::DotProduct, C::DotProductInputAll,
               C::DotProductInput4x8Bit, C::DotProductInput4x8BitPacked, C::ExpectAssumeKHR, C::VulkanMemoryModel,
+              C::GroupNonUniformRotateKHR, C::ShaderClockKHR,
               C::VulkanMemoryModelDeviceScope, C::DerivativeControl, C::ImageGatherExtended,
               C::StorageImageReadWithoutFormat, C::StorageImageWriteWithoutFormat, C::ClipDistance, C::CullDistance,
               C::SampleRateShading, C::MultiView, C::DrawParameters, C::RoundingModeRTE, C::DenormPreserve,

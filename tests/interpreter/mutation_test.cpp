@@ -81,6 +81,7 @@ std::map<Kernel, Mutant> mutants(const KernelTable& t) {
   };
   constexpr const char* kTypes[] = {"none", "mask", "i8", "i16", "i32", "i64", "f16", "f32", "f64", "tuple"};
   for (unsigned op = 1; op < interp::kOpCount; op++) {
+    if (isAbstract(Op(op))) continue;
     const ir::OpInfo& info = ir::opInfo(Op(op));
     for (unsigned type = 0; type < interp::kTypeCount; type++)
       for (unsigned form = 0; form < interp::kOperandForms; form++) {

@@ -571,7 +571,7 @@ Program makeProgram(Choices& choices, const ProgramOptions& options) { return Ge
 
 bool isAbstract(Op op) {
   const ir::OpInfo& info = ir::opInfo(op);
-  return ((info.flags & ir::kHigh) && info.operands == OperandRule::Free) || op == Op::Check;
+  return ((info.flags & ir::kHigh) && info.operands == OperandRule::Free) || op == Op::Check || op == Op::Clock;
 }
 
 unsigned operationCount(const ir::Function& f) {

@@ -44,7 +44,7 @@ struct Program {
 
 Program makeProgram(Choices& choices, const ProgramOptions& options = {});
 
-//! Operations that programs never hold: they are expanded when routines are linked, or report (PUMICE_CHECK).
+//! Operations that programs never hold: they are expanded when routines are linked, report (PUMICE_CHECK), or tell the time.
 bool isAbstract(ir::Op op);
 //! Instructions that compute or act: without constants, variables' declarations and the function's outputs.
 unsigned operationCount(const ir::Function& f);
