@@ -5,6 +5,7 @@
 
 #include "base/address_ranges.h"
 #include "base/log.h"
+#include "base/pages.h"
 #include "entrypoints.h"
 #include "icd/resources.h"
 
@@ -63,10 +64,8 @@ VkResult mapPages(DeviceMemory& memory, const void* chain) {
     if (VkResult result = makeSharedFile(memory.size, file)) return result;
     fd = file.get();
   }
-  // Pages come zeroed and only when touched: a large allocation that is never used costs nothing.
-  const int flags = fd >= 0 ? MAP_SHARED | MAP_NORESERVE : MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE;
-  void* pages = ::mmap(nullptr, memory.size, PROT_READ | PROT_WRITE, flags, fd, 0);
-  if (pages == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
+  void* pages = fd < 0 ? base::mapPages(memory.size) : ::mmap(nullptr, memory.size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_NORESERVE, fd, 0);
+  if (!pages || pages == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   memory.data = static_cast<std::byte*>(pages);
   if (fd >= 0) memory.shared = file ? std::move(file) : OwnedFd(fd);
   return VK_SUCCESS;

@@ -69,6 +69,7 @@ void copyBuffer(base::ThreadPool& pool, const BufferMemory& buffer, const ImageM
 
   // In groups of up to four rows, those of a row of blocks, so that a block is touched once and by one thread.
   const uint32_t firstGroup = box.y / 4, groups = (box.y + box.height + 3) / 4 - firstGroup;
+  const Store store = storeFor(uint64_t(slices) * box.height * box.width * bytes);
   parallelRanges(pool, slices * groups, box.width * bytes * 4, [&](uint32_t begin, uint32_t end) {
     std::vector<std::byte> masked;
     for (uint32_t i = begin; i < end; ++i) {
@@ -78,8 +79,8 @@ void copyBuffer(base::ThreadPool& pool, const BufferMemory& buffer, const ImageM
       const Slice s = sliceOf(image, plane, sub.mipLevel, layers.first + layer, 0, box.z + z);
       const uint64_t at = region.bufferOffset + (uint64_t(layer) * region.imageExtent.depth + z) * slicePitch + (y0 - box.y) * pitch;
       if (y1 - y0 == 4 && !mask && at + 3 * pitch + box.width * bytes <= buffer.size) {
-        if constexpr (kToImage) writeFourRows(s, box.x, y0, box.width, buffer.base + at, pitch);
-        else readFourRows(s, box.x, y0, box.width, buffer.base + at, pitch);
+        if constexpr (kToImage) writeFourRows(s, box.x, y0, box.width, buffer.base + at, pitch, store);
+        else readFourRows(s, box.x, y0, box.width, buffer.base + at, pitch, store);
         continue;
       }
       for (uint32_t y = y0; y < y1; ++y) {
@@ -111,11 +112,12 @@ bool wholeBlocks(const Slice& s, const Box& from, const Slice& d, const Box& to)
 
 void copySlice(base::ThreadPool& pool, const Slice& s, const Box& from, const Slice& d, const Box& to) {
   const uint64_t bytes = s.elementBytes;
+  const Store store = storeFor(bytes * from.width * from.height);
   if (wholeBlocks(s, from, d, to)) {
     const uint64_t run = uint64_t(divideUp(from.width, 4)) * 16 * bytes;
     parallelRanges(pool, divideUp(from.height, 4), run, [&](uint32_t begin, uint32_t end) {
       for (uint32_t i = begin; i < end; ++i)
-        std::memcpy(d.row(to.y + 4 * i) + uint64_t(to.x) * 4 * bytes, s.row(from.y + 4 * i) + uint64_t(from.x) * 4 * bytes, run);
+        copyBytes(d.row(to.y + 4 * i) + uint64_t(to.x) * 4 * bytes, s.row(from.y + 4 * i) + uint64_t(from.x) * 4 * bytes, run, store);
     });
     return;
   }
@@ -123,7 +125,7 @@ void copySlice(base::ThreadPool& pool, const Slice& s, const Box& from, const Sl
   auto place = [bytes](const Slice& slice, const Box& box, uint32_t y) { return slice.row(box.y + y) + box.x * bytes; };
   if (!s.tiled && !d.tiled) {
     parallelRanges(pool, from.height, width, [&](uint32_t begin, uint32_t end) {
-      for (uint32_t y = begin; y < end; ++y) std::memcpy(place(d, to, y), place(s, from, y), width);
+      for (uint32_t y = begin; y < end; ++y) copyBytes(place(d, to, y), place(s, from, y), width, store);
     });
     return;
   }

@@ -2,9 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#if defined(__SSE2__)
-#include <emmintrin.h>
-#endif
 
 namespace pumice::texture {
 namespace {
@@ -51,11 +48,11 @@ void tiledRow(std::byte* row, uint32_t x, uint32_t count, std::byte* packed, uin
 }
 
 template <bool kRead>
-void moveRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* packed) {
+void moveRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* packed, Store store = Store::kCached) {
   std::byte* row = s.row(y);
   if (!s.tiled) {
     std::byte* at = row + uint64_t(x) * s.elementBytes;
-    std::memcpy(kRead ? packed : at, kRead ? at : packed, uint64_t(count) * s.elementBytes);
+    copyBytes(kRead ? packed : at, kRead ? at : packed, uint64_t(count) * s.elementBytes, store);
     return;
   }
   switch (s.elementBytes) {
@@ -87,7 +84,7 @@ void tiledBlocks(std::byte* block, uint32_t blocks, std::byte* packed, uint64_t 
 }
 
 template <bool kRead>
-void moveFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* packed, uint64_t pitch) {
+void moveFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* packed, uint64_t pitch, Store store) {
   uint32_t blocks = s.tiled && x % 4 == 0 ? count / 4 : 0;
   if (blocks) {
     std::byte* first = s.row(y) + uint64_t(x) * 4 * s.elementBytes;
@@ -101,15 +98,17 @@ void moveFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::b
     }
   }
   if (const uint32_t done = 4 * blocks; done < count)
-    for (uint32_t i = 0; i < 4; ++i) moveRow<kRead>(s, x + done, y + i, count - done, packed + i * pitch + uint64_t(done) * s.elementBytes);
+    for (uint32_t i = 0; i < 4; ++i) moveRow<kRead>(s, x + done, y + i, count - done, packed + i * pitch + uint64_t(done) * s.elementBytes, store);
 }
 
 }  // namespace
 
-void readFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out, uint64_t pitch) { moveFourRows<true>(s, x, y, count, out, pitch); }
+void readFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out, uint64_t pitch, Store store) {
+  moveFourRows<true>(s, x, y, count, out, pitch, store);
+}
 
-void writeFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in, uint64_t pitch) {
-  moveFourRows<false>(s, x, y, count, const_cast<std::byte*>(in), pitch);
+void writeFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in, uint64_t pitch, Store store) {
+  moveFourRows<false>(s, x, y, count, const_cast<std::byte*>(in), pitch, store);
 }
 
 void readRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out) { moveRow<true>(s, x, y, count, out); }
@@ -121,7 +120,7 @@ void writeRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std:
 void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint32_t elementBytes, Store store) {
   uint64_t bytes = count * elementBytes;
   if (bytes == 0) return;
-  if (store == Store::kCached && std::all_of(element + 1, element + elementBytes, [&](std::byte b) { return b == element[0]; })) {
+  if (bytes < 4096 && std::all_of(element + 1, element + elementBytes, [&](std::byte b) { return b == element[0]; })) {
     std::memset(out, int(element[0]), bytes);
     return;
   }
@@ -134,19 +133,7 @@ void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint
     std::memcpy(pattern + done, pattern, more);
     done += more;
   }
-#if defined(__SSE2__)
-  if (bytes >= 64 && std::has_single_bit(elementBytes) && elementBytes <= 16) {
-    const __m128i all = _mm_load_si128(reinterpret_cast<const __m128i*>(pattern));
-    if (store == Store::kStream && reinterpret_cast<uintptr_t>(out) % 16 == 0) {
-      for (; bytes >= 64; bytes -= 64, out += 64)
-        for (int i = 0; i < 4; ++i) _mm_stream_si128(reinterpret_cast<__m128i*>(out) + i, all);
-      _mm_sfence();
-    } else {
-      for (; bytes >= 64; bytes -= 64, out += 64)
-        for (int i = 0; i < 4; ++i) _mm_storeu_si128(reinterpret_cast<__m128i*>(out) + i, all);
-    }
-  }
-#endif
+  if (std::has_single_bit(elementBytes) && unit >= 32) return fillBytes(out, bytes, pattern, store);
   for (; bytes >= unit; bytes -= unit, out += unit) std::memcpy(out, pattern, unit);
   std::memcpy(out, pattern, bytes);
 }
@@ -162,15 +149,10 @@ void fillBuffer(base::ThreadPool& pool, const BufferMemory& buffer, uint32_t wor
 
 void copyBuffer(base::ThreadPool& pool, const BufferMemory& src, const BufferMemory& dst, uint64_t size) {
   size = std::min({size, src.size, dst.size});
-  constexpr uint64_t kPiece = 1024 * 1024;
-  const uint64_t pieces = (size + kPiece - 1) / kPiece;
-  if (pieces <= 1) {
-    if (size) std::memcpy(dst.base, src.base, size);
-    return;
-  }
-  pool.parallelFor(uint32_t(pieces), [&](uint32_t i, unsigned) {
-    const uint64_t at = i * kPiece;
-    std::memcpy(dst.base + at, src.base + at, std::min(kPiece, size - at));
+  const Store store = storeFor(size);
+  parallelRanges(pool, uint32_t((size + 4095) / 4096), 4096, [&](uint32_t begin, uint32_t end) {
+    const uint64_t from = uint64_t(begin) * 4096, to = std::min(uint64_t(end) * 4096, size);
+    copyBytes(dst.base + from, src.base + from, to - from, store);
   });
 }
 

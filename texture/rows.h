@@ -4,12 +4,15 @@
 #include <cstddef>
 #include <cstring>
 
+#include "texture/moves.h"
 #include "texture/transfer.h"
 
 namespace pumice::texture {
 
-//! Work below this many bytes is done by the calling thread.
-constexpr uint64_t kParallelBytes = 256 * 1024;
+//! Work below this many bytes is done by the calling thread: waking another one costs as much as some hundred kilobytes moved.
+constexpr uint64_t kParallelBytes = 1024 * 1024;
+//! At least so many bytes are handed to a thread at a time.
+constexpr uint64_t kPieceBytes = 64 * 1024;
 
 //! One depth slice of one level, layer, plane and sample.
 struct Slice {
@@ -35,14 +38,10 @@ inline Slice sliceOf(const ImageMemory& image, const PlaneLayout& plane, uint32_
 //! Copies `count` elements between a row of an image and packed memory. Element 0 is column x.
 void readRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out);
 void writeRow(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in);
-//! The same for rows y to y + 3, y a multiple of 4; packed rows are `pitch` bytes apart. Blocks are touched once.
-void readFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out, uint64_t pitch);
-void writeFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in, uint64_t pitch);
-
-enum class Store { kCached, kStream };
-//! Whole fills and copies of this many bytes would only push everything else out of the caches: they go past them.
-constexpr uint64_t kStreamBytes = 8 * 1024 * 1024;
-inline Store storeFor(uint64_t bytes) { return bytes >= kStreamBytes ? Store::kStream : Store::kCached; }
+//! The same for rows y to y + 3, y a multiple of 4; packed rows are `pitch` bytes apart. Blocks are touched once. Only rows of
+//! linear images know another way to store.
+void readFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, std::byte* out, uint64_t pitch, Store store = Store::kCached);
+void writeFourRows(const Slice& s, uint32_t x, uint32_t y, uint32_t count, const std::byte* in, uint64_t pitch, Store store = Store::kCached);
 
 //! Fills memory with copies of an element.
 void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint32_t elementBytes, Store store = Store::kCached);
@@ -54,7 +53,7 @@ void parallelRanges(base::ThreadPool& pool, uint32_t count, uint64_t bytesEach, 
     if (count) fn(0u, count);
     return;
   }
-  uint32_t step = uint32_t(kParallelBytes / 4 / (bytesEach ? bytesEach : 1));
+  uint32_t step = uint32_t(kPieceBytes / (bytesEach ? bytesEach : 1));
   step = step ? step : 1;
   uint32_t tasks = count / step + (count % step != 0);
   pool.parallelFor(tasks, [&](uint32_t i, unsigned) {

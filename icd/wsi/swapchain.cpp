@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/log.h"
+#include "base/pages.h"
 #include "entrypoints.h"
 #include "icd/host_containers.h"
 #include "icd/queue.h"
@@ -164,10 +165,8 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
   uint64_t bytes = 0;
   if (__builtin_mul_overflow(s.imageBytes, uint64_t(count), &bytes) || !s.device->reserve(bytes)) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   s.memoryBytes = bytes;
-  void* memory = mmap(nullptr, s.memoryBytes, PROT_READ | PROT_WRITE,
-                      MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (memory == MAP_FAILED) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
-  s.memory = static_cast<std::byte*>(memory);
+  s.memory = static_cast<std::byte*>(base::mapPages(s.memoryBytes));
+  if (!s.memory) return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   s.images.resize(count);
   for (uint32_t i = 0; i < count; i++) {
     Image& image = s.images[i].image;
