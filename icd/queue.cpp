@@ -46,10 +46,12 @@ void QueueWorker::run(Submission& s) {
       while (!lost && !shared->consume(50)) lost = hub_.lost();
       if (shared == &w.semaphore->temporary) hub_.update([&] { w.semaphore->temporary.fd.reset(); });
     }
-  hub_.update([&] {
-    for (const SemaphoreValue& w : s.waits)
-      if (!w.semaphore->timeline) w.semaphore->value = 0;
-  });
+  // Nobody waits for a semaphore to become unsignalled: no reason to wake those who wait for this submission.
+  if (!s.waits.empty())
+    hub_.read([&] {
+      for (const SemaphoreValue& w : s.waits)
+        if (!w.semaphore->timeline) w.semaphore->value = 0;
+    });
   if (!s.commandBuffers.empty() && !lost) {
     if (!execution_) execution_ = std::make_unique<Execution>(device_, hub_);
     const Watchdog::Guard guard(watchdog_.get());

@@ -174,6 +174,18 @@ void PassExecutor::Impl::clearTiles(uint32_t first, uint32_t count) {
   if (stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer, 1, rect, d.clear);
 }
 
+//! At most so many bytes are written by the load operations.
+uint64_t PassExecutor::Impl::clearedBytes() const {
+  const uint64_t elements = uint64_t(pass.renderArea.extent.width) * pass.renderArea.extent.height * samples * pass.layers;
+  uint64_t bytes = 0;
+  const auto count = [&](const Attachment& a) {
+    for (uint32_t p = 0; a.memory.layout && p < a.memory.layout->planeCount; ++p) bytes += elements * a.memory.layout->planes[p].elementBytes;
+  };
+  for (uint32_t a = 0; a < pass.colorCount; ++a) count(pass.color[a]);
+  count(pass.depthStencil);
+  return bytes;
+}
+
 void PassExecutor::Impl::flush() {
   bool clears = false;
   if (!loaded) {
@@ -207,7 +219,11 @@ void PassExecutor::Impl::flush() {
           else work.push_back({tile, 1, empty && merge});
         }
   }
-  if (!work.empty()) {
+  // To wake another thread for a clear of a few megabytes costs more than it saves.
+  constexpr uint64_t kAloneBytes = 4 * 1024 * 1024;
+  if (!work.empty() && std::all_of(work.begin(), work.end(), [](const Work& w) { return w.onlyClears; }) && clearedBytes() <= kAloneBytes) {
+    for (const Work& w : work) clearTiles(w.tile, w.count);
+  } else if (!work.empty()) {
     for (auto& w : tileWorkers) w->begin();
     pool.parallelFor(uint32_t(work.size()), [&](uint32_t i, unsigned worker) {
       if (work[i].onlyClears) clearTiles(work[i].tile, work[i].count);

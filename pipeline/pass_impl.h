@@ -102,6 +102,7 @@ struct PassExecutor::Impl {
   void countFrontEnd(PipelineStatistics& statistics, bool add) const;
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
   void clearTiles(uint32_t first, uint32_t count);
+  uint64_t clearedBytes() const;
   void resolve();
   void beginDecisions();
   void endDecisions();

@@ -51,11 +51,14 @@ struct Swapchain {
   }
   //! What the window is now, as far as it is known without asking.
   void observe(SyncHub& hub);
+  bool isResized(const WindowState& state) const {
+    return state.extent.width != ~0u && (state.extent.width != extent.width || state.extent.height != extent.height);
+  }
   void note(const WindowState& state) {
     lost |= !state.alive;
-    resized |= state.extent.width != ~0u &&
-               (state.extent.width != extent.width || state.extent.height != extent.height);
+    resized |= isResized(state);
   }
+  bool changes(const WindowState& state) const { return (!state.alive && !lost) || (isResized(state) && !resized); }
   void present(SyncHub& hub, uint32_t index);
 };
 
@@ -105,7 +108,7 @@ std::byte* swapchainImageData(VkSwapchainKHR handle, uint32_t index) {
 void Swapchain::observe(SyncHub& hub) {
   if (!window) return;
   WindowState state = window->state();
-  hub.update([&] { note(state); });
+  if (hub.read([&] { return changes(state); })) hub.update([&] { note(state); });
 }
 
 // On the queue's thread.
