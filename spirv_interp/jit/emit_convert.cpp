@@ -99,8 +99,11 @@ bool Emitter::convert(Value v) {
         const bool upper = !preamble_ && p_.folded[o];
         const Value x = upper ? f_.operands(o)[0] : o;
         const Ymm a = load(x, low, t0());
-        a_.emit(I::kIdVshufps, t0(), a, source(x, high).op(), asmjit::imm(upper ? 0xdd : 0x88));
-        a_.vpermq(t0(), t0(), 0xd8);
+        const bool inOrder = !preamble_ && p_.crossed[x];
+        const Ymm words = inOrder && keep == ~0u ? d : t0();
+        a_.emit(I::kIdVshufps, words, a, source(x, high).op(), asmjit::imm(upper ? 0xdd : 0x88));
+        if (!inOrder) a_.vpermq(t0(), t0(), 0xd8);
+        else if (keep == ~0u) return;
         if (keep != ~0u) a_.vpand(d, t0(), pool32(keep));
         else move(d, reg(t0()));
       });

@@ -182,30 +182,28 @@ static bool isColumn(const Function& f, Value offset) {
   return false;
 }
 
+static constexpr x86::Gp kOffsetPairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
+
 //! Plain loads of the lanes' elements, 4 or 8 bytes: two thirds of a gather's time on Zen 3, and never its microcode elsewhere. Lanes out
 //! of bounds read at the limit and become zero. `part`: of a 32-bit value.
 void Emitter::loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit) {
   const Ymm off = load(offset, part, t0());
   a_.vpminud(t1(), off, limit);
   a_.vpcmpeqd(t0(), t1(), off);
-  const x86::Gp pairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
-  a_.vextracti128(t2().xmm(), t1(), 1);
-  a_.vmovq(pairs[0], t1().xmm());
-  a_.vpextrq(pairs[1], t1().xmm(), 1);
-  a_.vmovq(pairs[2], t2().xmm());
-  a_.vpextrq(pairs[3], t2().xmm(), 1);
+  spreadOffsets(t1(), t2());
   if (ir::typeBytes(f_.type(v)) == 8) {
+    const bool crossed = p_.crossed[v] != 0;
     for (uint32_t half = 0; half < 2; half++) {
       for (uint32_t k = 0; k < 2; k++) {
         const x86::Xmm x = (k ? t2() : t1()).xmm();
-        const x86::Gp pair = pairs[2 * half + k];
-        a_.mov(x86::r9d, pair.r32());
-        a_.shr(pair, 32);
-        a_.vmovq(x, x86::qword_ptr(base, x86::r9));
-        a_.vpinsrq(x, x, x86::qword_ptr(base, pair), 1);
+        const uint32_t lane = crossed ? 4 * k + 2 * half : 4 * half + 2 * k;
+        a_.vmovq(x, x86::qword_ptr(base, laneOffset(lane)));
+        a_.vmovhps(x, x, x86::qword_ptr(base, laneOffset(lane + 1)));
       }
       a_.vinserti128(t1(), t1(), t2().xmm(), 1);
-      wideMaskOf(reg(t0()), half, t2());
+      if (!crossed) wideMaskOf(reg(t0()), half, t2());
+      else if (half) a_.vpunpckhdq(t2(), t0(), t0());
+      else a_.vpunpckldq(t2(), t0(), t0());
       const Ymm d = target(v, part * 2 + half);
       a_.vpand(d, t1(), t2());
       finish(v, part * 2 + half, d);
@@ -214,19 +212,35 @@ void Emitter::loadScattered(Value v, Value offset, uint32_t part, const x86::Gp&
   }
   for (uint32_t half = 0; half < 2; half++) {
     const x86::Xmm x = (half ? t1() : t2()).xmm();   // the upper half first
-    for (uint32_t k = 0; k < 2; k++) {
-      const x86::Gp pair = pairs[2 * (1 - half) + k];
-      a_.mov(x86::r9d, pair.r32());
-      a_.shr(pair, 32);
-      if (k == 0) a_.vmovd(x, x86::dword_ptr(base, x86::r9));
-      else a_.vpinsrd(x, x, x86::dword_ptr(base, x86::r9), 2);
-      a_.vpinsrd(x, x, x86::dword_ptr(base, pair), 2 * k + 1);
+    for (uint32_t k = 0; k < 4; k++) {
+      const x86::Gp at = laneOffset(4 * (1 - half) + k);
+      if (k == 0) a_.vmovd(x, x86::dword_ptr(base, at));
+      else a_.vpinsrd(x, x, x86::dword_ptr(base, at), k);
     }
   }
   a_.vinserti128(t1(), t1(), t2().xmm(), 1);
   const Ymm d = target(v, part);
   a_.vpand(d, t1(), t0());
   finish(v, part, d);
+}
+
+//! Takes a vector of offsets apart: two lanes' in each of four registers, of which laneOffset() gives each, even lanes first.
+void Emitter::spreadOffsets(const Ymm& offsets, const Ymm& scratch) {
+  a_.vextracti128(scratch.xmm(), offsets, 1);
+  a_.vmovq(kOffsetPairs[0], offsets.xmm());
+  a_.vpextrq(kOffsetPairs[1], offsets.xmm(), 1);
+  a_.vmovq(kOffsetPairs[2], scratch.xmm());
+  a_.vpextrq(kOffsetPairs[3], scratch.xmm(), 1);
+}
+
+x86::Gp Emitter::laneOffset(uint32_t lane) {
+  const x86::Gp pair = kOffsetPairs[lane / 2];
+  if (lane & 1) {
+    a_.shr(pair, 32);
+    return pair;
+  }
+  a_.mov(x86::r9d, pair.r32());
+  return x86::r9;
 }
 
 //! v and the load before it (Plan::pairFirst): where each lane's two are neighbours within bounds, one access of twice the width.
@@ -249,24 +263,19 @@ void Emitter::loadPair(Value v, const x86::Gp& base, const x86::Mem& limit) {
     a_.vpor(t1(), t1(), t2());
     a_.vptest(t1(), t1());
     a_.jnz(general);
-    const x86::Gp pairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r8};
-    a_.vextracti128(t1().xmm(), from, 1);
-    a_.vmovq(pairs[0], from.xmm());
-    a_.vpextrq(pairs[1], from.xmm(), 1);
-    a_.vmovq(pairs[2], t1().xmm());
-    a_.vpextrq(pairs[3], t1().xmm(), 1);
+    spreadOffsets(from, t1());
     if (wide) {
+      const bool crossed = p_.crossed[v] != 0;
       for (uint32_t half = 0; half < 2; half++) {
         for (uint32_t k = 0; k < 2; k++) {
-          const x86::Gp pair = pairs[2 * half + k];
-          a_.mov(x86::r9d, pair.r32());
-          a_.shr(pair, 32);
+          const uint32_t lane = crossed ? 4 * k + 2 * half : 4 * half + 2 * k;
+          const x86::Mem left = x86::ptr(base, laneOffset(lane)), right = x86::ptr(base, laneOffset(lane + 1));
           if (k == 0) {
-            a_.vmovups(t1().xmm(), x86::ptr(base, x86::r9));
-            a_.vmovups(t0().xmm(), x86::ptr(base, pair));
+            a_.vmovups(t1().xmm(), left);
+            a_.vmovups(t0().xmm(), right);
           } else {
-            a_.vinserti128(t1(), t1(), x86::ptr(base, x86::r9), 1);
-            a_.vinserti128(t0(), t0(), x86::ptr(base, pair), 1);
+            a_.vinserti128(t1(), t1(), left, 1);
+            a_.vinserti128(t0(), t0(), right, 1);
           }
         }
         const Ymm d = target(first, part * 2 + half);
@@ -277,17 +286,15 @@ void Emitter::loadPair(Value v, const x86::Gp& base, const x86::Mem& limit) {
         finish(v, part * 2 + half, e);
       }
     } else {
-      const auto two = [&](const x86::Xmm& x, const x86::Gp& pair) {
-        a_.mov(x86::r9d, pair.r32());
-        a_.shr(pair, 32);
-        a_.vmovq(x, x86::qword_ptr(base, x86::r9));
-        a_.vmovhps(x, x, x86::qword_ptr(base, pair));
+      const auto two = [&](const x86::Xmm& x, uint32_t lane) {
+        a_.vmovq(x, x86::qword_ptr(base, laneOffset(lane)));
+        a_.vmovhps(x, x, x86::qword_ptr(base, laneOffset(lane + 1)));
       };
-      two(t2().xmm(), pairs[2]);
-      two(t1().xmm(), pairs[0]);
+      two(t2().xmm(), 4);
+      two(t1().xmm(), 0);
       a_.vinserti128(t1(), t1(), t2().xmm(), 1);
-      two(t2().xmm(), pairs[3]);
-      two(t0().xmm(), pairs[1]);
+      two(t2().xmm(), 6);
+      two(t0().xmm(), 2);
       a_.vinserti128(t0(), t0(), t2().xmm(), 1);
       const Ymm d = target(first, part);
       a_.vshufps(d, t1(), t0(), 0x88);
@@ -395,8 +402,12 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
       }
       for (uint32_t half = 0; half < 2; half++) {
         const Ymm d = target(v, part * 2 + half);
-        a_.vmovups(d.xmm(), x86::ptr(base, x86::rax, 0, int32_t(16 * half)));
-        a_.vinserti128(d, d, x86::ptr(base, x86::rcx, 0, int32_t(16 * half)), 1);
+        if (p_.crossed[v]) {
+          a_.vmovups(d, x86::ptr(base, half ? x86::rcx : x86::rax));
+        } else {
+          a_.vmovups(d.xmm(), x86::ptr(base, x86::rax, 0, int32_t(16 * half)));
+          a_.vinserti128(d, d, x86::ptr(base, x86::rcx, 0, int32_t(16 * half)), 1);
+        }
         finish(v, part * 2 + half, d);
       }
       a_.jmp(done);

@@ -136,6 +136,8 @@ class Emitter {
   void uniformLoad(Value v);      // preamble
   void broadcast(Ymm d, const x86::Gp& address, Type t);
   void loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit);
+  void spreadOffsets(const Ymm& offsets, const Ymm& scratch);
+  x86::Gp laneOffset(uint32_t lane);
   void loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
   void loadPair(Value v, const x86::Gp& base, const x86::Mem& limit);
   void loadAddresses(Value v);    // emit_gather.cpp

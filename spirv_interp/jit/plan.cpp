@@ -50,6 +50,7 @@ class Planner {
     settleBounded();
     findFolded();
     findPairs();
+    findCrossed();
     findUses();
     for (const Inst& i : f_.insts) {
       p_.mayWait |= i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
@@ -239,16 +240,17 @@ class Planner {
     // In blocks the numbers of neighbours differ by more than one: sums there, minima and maxima here.
     return f_.insts[count].op == Op::Const && f_.insts[count].imm == shift && f_.insts[x].op != Op::IAdd ? column : 0;
   }
+  //! A load of neighbours in memory, mostly, from a range that is the same for all lanes.
+  bool isScattered(Value v) const {
+    const Inst& i = f_.insts[v];
+    if (i.op != Op::LoadConst || !p_.a.needed[v] || p_.a.uniform[v] || p_.flat[v] || ir::typeBytes(i.type) < 4) return false;
+    const auto o = f_.operands(v);
+    return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && !p_.a.uniform[o[1]] && !p_.flat[o[1]] && f_.insts[o[1]].op == Op::IAdd &&
+           !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
+  }
   void findPairs() {
     p_.pairSecond.assign(f_.insts.size(), 0);
     p_.pairFirst.assign(f_.insts.size(), 0);
-    const auto fits = [&](Value v) {
-      const Inst& i = f_.insts[v];
-      if (i.op != Op::LoadConst || !p_.a.needed[v] || p_.a.uniform[v] || p_.flat[v] || ir::typeBytes(i.type) < 4) return false;
-      const auto o = f_.operands(v);
-      return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && !p_.a.uniform[o[1]] && !p_.flat[o[1]] && f_.insts[o[1]].op == Op::IAdd &&
-             !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
-    };
     Value first = 0;
     for (Value v = 1; v < f_.insts.size(); v++) {
       const Inst& i = f_.insts[v];
@@ -256,7 +258,7 @@ class Planner {
         for (Value o : f_.operands(v))
           if (o == first) first = 0;
       if ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kControl)) && i.op != Op::Var) first = 0;
-      if (!fits(v)) continue;
+      if (!isScattered(v)) continue;
       const auto pairs = [&] {
         const auto a = f_.operands(first), b = f_.operands(v);
         const Inst& other = f_.insts[first];
@@ -274,6 +276,19 @@ class Planner {
         first = v;
       }
     }
+  }
+
+  void findCrossed() {
+    p_.crossed.assign(f_.insts.size(), 0);
+    for (Value v = 1; v < f_.insts.size(); v++) p_.crossed[v] = f_.type(v) == Type::I64 && isScattered(v) && f_.type(f_.operands(v)[1]) == Type::I32;
+    for (Value v = 1; v < f_.insts.size(); v++) {
+      if (!p_.a.needed[v]) continue;
+      const bool takesWord = !p_.a.uniform[v] && (f_.insts[v].op == Op::Trunc || (f_.insts[v].op == Op::LShr && p_.folded[v]));
+      for (Value o : f_.operands(v))
+        if (!takesWord) p_.crossed[o] = 0;
+    }
+    for (Value v = 1; v < f_.insts.size(); v++)
+      if (const Value second = p_.pairSecond[v]; second && p_.crossed[v] != p_.crossed[second]) p_.crossed[v] = p_.crossed[second] = 0;
   }
 
   //! Last uses with those that loops repeat, and the next set of each variable.

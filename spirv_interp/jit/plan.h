@@ -72,6 +72,9 @@ struct Plan {
   //! Loads whose addresses are mostly neighbours: columns x and x + 1 of a texture. By the first the second, and back; both are done where
   //! the second stands.
   std::vector<ir::Value> pairSecond, pairFirst;
+  //! By load of 64 bits: only its words are looked at. Its two parts then hold lanes 0, 1, 4, 5 and 2, 3, 6, 7, from which one shuffle
+  //! takes the words of all eight in order.
+  std::vector<uint8_t> crossed;
   std::vector<Hot> hot;          //!< by region
   bool mayWait = false;          //!< chunks must give way in loops
   bool suspends = false;         //!< mayWait, or a barrier

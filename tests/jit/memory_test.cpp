@@ -95,9 +95,10 @@ TEST(JitMemory, loadsOfEveryWidthFromEverySortOfAddress) {
       }
 }
 
-// As texels of 8 bytes are read where a picture is drawn at its own size; then the same with one lane elsewhere, and beyond the end.
+// As texels of 8 bytes are read where a picture is drawn at its own size; then the same with one lane elsewhere, and beyond the end. Once
+// nobody looks at a loaded value but at its words.
 TEST(JitMemory, quadsThatReadNeighboursInTwoRows) {
-  for (const char* stray : {"0", "8", "128"})
+  for (const auto& [stray, whole] : {std::pair("0", "output 1 %b"), std::pair("8", "output 1 %b"), std::pair("128", "output 1 %b"), std::pair("0", ""), std::pair("8", ""), std::pair("128", "")})
     for (size_t bytes : {8u, 24u, 90u, 400u, 700u, 4096u})
       agrees(R"(
         %id = lane.id i32
@@ -128,7 +129,7 @@ TEST(JitMemory, quadsThatReadNeighboursInTwoRows) {
         %a = load i64 %ubase, %place, %usize
         output 0 %a
         %b = load.const i64 +4 %ubase, %there, %usize
-        output 1 %b
+        )" + std::string(whole) + R"(
         %up = const i64 32
         %c = lshr i64 %b, %up
         %d = trunc i32 %c
@@ -176,6 +177,36 @@ TEST(JitMemory, pairsOfNeighbours) {
           output 0 %a
           output 1 %b
         )", bytes);
+}
+
+// Texels of which only the words are looked at, neighbours and others.
+TEST(JitMemory, wordsOfScatteredTexels) {
+  for (const char* second : {"%column", "%elsewhere"})
+    for (const char* whole : {"", "output 3 %b"})
+      for (size_t bytes : {8u, 100u, 300u, 4096u})
+        agrees(R"(
+          %one = const i32 1
+          %three = const i32 3
+          %up = const i64 32
+          %mask = const i32 63
+          %x = and i32 %off, %mask
+          %next = umin i32 %x, %off
+          %elsewhere = and i32 %data, %mask
+          %column = shl i32 %x, %three
+          %row = lshr i32 %off, %one
+          %at0 = iadd i32 %row, %column
+          %at1 = iadd i32 %row, )" + std::string(second) + R"(
+          %a = load.const i64 %ubase, %at0, %usize
+          %b = load.const i64 +8 %ubase, %at1, %usize
+          %a0 = trunc i32 %a
+          %ahigh = lshr i64 %a, %up
+          %a1 = trunc i32 %ahigh
+          %bhigh = lshr i64 %b, %up
+          %b1 = trunc i32 %bhigh
+          output 0 %a0
+          output 1 %a1
+          output 2 %b1
+          )" + std::string(whole) + "\n", bytes);
 }
 
 TEST(JitMemory, loadsOfSomeLanesOnly) {
