@@ -148,6 +148,11 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBeginRendering(VkCommandBuffer buffer, const VkR
     for (auto& c : begin.color) c.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
     begin.depthStencil.loadOp = begin.depthStencil.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
   }
+  // What is suspended is stored for it.
+  if (info->flags & VK_RENDERING_SUSPENDING_BIT) {
+    for (auto& c : begin.color) c.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+    begin.depthStencil.storeOp = begin.depthStencil.stencilStoreOp = VK_ATTACHMENT_STORE_OP_STORE;
+  }
   from(buffer)->record([begin, mask = info->viewMask](Execution& e) {
     e.renderPass = nullptr;
     e.rendering = begin;

@@ -81,6 +81,12 @@ bool RenderPass::firstUse(uint32_t attachment, uint32_t subpass, uint32_t view) 
   return true;
 }
 
+bool RenderPass::lastUse(uint32_t attachment, uint32_t subpass, uint32_t view) const {
+  for (uint32_t i = subpass + 1; i < subpasses.size(); i++)
+    if (subpasses[i].uses(attachment) && (!subpasses[i].viewMask || subpasses[i].viewMask >> view & 1)) return false;
+  return true;
+}
+
 void selectView(pipeline::PassBegin& begin, uint32_t view) {
   auto select = [&](pipeline::Attachment& a) {
     a.baseLayer += view;
@@ -110,8 +116,10 @@ pipeline::PassBegin subpassBegin(const RenderPass& pass, uint32_t number, const 
       a.loadOp = info.loadOp;
       a.stencilLoadOp = info.stencilLoadOp;
     }
-    a.storeOp = info.storeOp;
-    a.stencilStoreOp = info.stencilStoreOp;
+    if (pass.lastUse(index, number, view)) {
+      a.storeOp = info.storeOp;
+      a.stencilStoreOp = info.stencilStoreOp;
+    }
     if (index < clears.size()) a.clear = clears[index];
     return a;
   };

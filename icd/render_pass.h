@@ -30,6 +30,8 @@ struct RenderPass {
   HostVector<Subpass> subpasses;
   //! Load ops happen in the first subpass that uses an attachment (and, in multiview, has the view).
   bool firstUse(uint32_t attachment, uint32_t subpass, uint32_t view) const;
+  //! The same of store ops: what a later subpass uses is stored until then.
+  bool lastUse(uint32_t attachment, uint32_t subpass, uint32_t view) const;
 };
 
 struct Framebuffer {

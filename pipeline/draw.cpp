@@ -288,6 +288,8 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
     // A statistics query counts invocations as if nothing were saved.
     record->settled = v.opaque && ordered && (!v.depth.test || depthKind) && fixed.samples == samples && !query &&
                       !(disabled & bit(Idea::VisibleFirst));
+    record->oneColors = uint8_t(v.written & oneColor);
+    record->takesOneColor = record->oneColors && record->oneColors == v.written && fixed.samples == samples && (record->settled || v.oneColor);
     record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics || query, record->settled);
     if (!record->fragment || !fits(fixed)) return;
     if (!record->fragment->present && !occlusion && !lookedAt) return;

@@ -73,6 +73,9 @@ struct PassCounters {
   uint64_t samplesHidden = 0;                                      //!< * passed, but hidden by a later one before they were shaded
   uint64_t varyingsInterpolated = 0, varyingsDropped = 0;          //!< scalars: read by fragment shaders of the draws; written but not read
   uint64_t bytesCleared = 0, bytesLoaded = 0, bytesStored = 0;     //!< of attachments, by load and store operations, in tiles that were worked on
+  //! 4x4 blocks of multisampled colour attachments: at the end of the pass all samples had one colour and one plane; they came to differ
+  //! (or to be read) before; of the former, all planes were written then.
+  uint64_t blocksOneColor = 0, blocksSplit = 0, blocksStored = 0;
   raster::SetupCounters setup;
 };
 

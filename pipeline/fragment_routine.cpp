@@ -71,7 +71,7 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
 class FragmentExpander : public StageExpander {
  public:
   FragmentExpander(const GraphicsPipeline& p, const FragmentKey& key, const frontend::Shader& shader, const ShaderTraits& t)
-      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(key.rows == Rows::WholeFlat),
+      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(key.rows == Rows::WholeFlat || key.rows == Rows::WholeOneFlat),
         wide_(key.numerics == ir::Numerics::Oracle) {}
 
   void declare(ir::Builder& b) {
@@ -283,6 +283,13 @@ raster::DepthRange freeDepths(const GraphicsState& s) {
   return s.unrestrictedDepth ? raster::DepthRange{-kInfinity, kInfinity} : raster::DepthRange{};
 }
 
+//! Whether a shader can tell which samples of its pixel are covered.
+static bool seesCoverage(const frontend::Shader& shader) {
+  const std::vector<ir::Inst>& insts = shader.function.insts;
+  return std::any_of(insts.begin(), insts.end(), [](const ir::Inst& i) { return i.op == Op::Builtin && uint32_t(i.imm >> 32) == kSampleMask; }) ||
+         std::any_of(shader.inputs.begin(), shader.inputs.end(), [](const frontend::InterfaceVariable& i) { return i.sampling == frontend::SampleLocation::Centroid; });
+}
+
 VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {
   VisibilityTraits v;
   const GraphicsState& s = p.state;
@@ -296,22 +303,28 @@ VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {
   v.depth.write = v.depth.test && s.depthWrite;
   v.depth.compare = s.depthCompare;
   v.planeDepth = !(shader && shader->writesDepth);
+  if (shader) {
+    for (uint64_t imm : writtenOutputs(*shader)) {
+      const frontend::InterfaceVariable& o = shader->outputs[imm >> 32];
+      const uint32_t a = place(o, uint32_t(imm)).location;
+      if (o.builtIn || o.index != 0 || a >= s.colorCount || !writesColor(s, a)) continue;
+      v.written |= uint8_t(1u << a);
+      if (replacesColor(s, a) && !shader->mayDiscard) v.replaced |= uint8_t(1u << a);
+    }
+    v.readsAttachments = std::any_of(shader->resources.begin(), shader->resources.end(), [](const frontend::Resource& r) {
+      return r.kind == frontend::ResourceKind::InputAttachment;
+    });
+  }
+  v.oneColor = s.numerics == ir::Numerics::F32 && !s.decisions && !testsSamples(s) && v.sampleMask == all && !t.perSample && !s.alphaToCoverage &&
+               !t.writesSampleMask && !v.readsAttachments && !(shader && seesCoverage(*shader));
   // The oracle has depths of its own. Decisions are recorded fragment by fragment.
   if (s.numerics != ir::Numerics::F32 || s.decisions || (hasStencil && s.stencilTest) || (hasDepth && s.depthBoundsTest)) return v;
   v.hiZ = v.depth.test && v.planeDepth && !(shader && shader->writesMemory);
   if (!t.early || t.perSample || t.guarded || s.alphaToCoverage || t.writesSampleMask) return v;
   if (shader) {
     if (shader->writesMemory || shader->mayDiscard || shader->writesDepth) return v;
-    std::set<uint32_t> written;
-    for (uint64_t imm : writtenOutputs(*shader)) {
-      const frontend::InterfaceVariable& o = shader->outputs[imm >> 32];
-      if (!o.builtIn && o.index == 0) written.insert(place(o, uint32_t(imm)).location);
-    }
-    for (uint32_t a = 0; a < s.colorCount; ++a) {
-      if (!writesColor(s, a) || !written.count(a)) continue;
-      if (!replacesColor(s, a)) return v;
-      v.colors |= uint8_t(1u << a);
-    }
+    if (v.written != v.replaced) return v;
+    v.colors = v.written;
     // What tells the visible part of a primitive from the rest of it.
     for (const ir::Inst& i : shader->function.insts) {
       const uint32_t builtIn = uint32_t(i.imm >> 32);
@@ -361,6 +374,8 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const auto sampleBit = [&](uint32_t s) { return t.perSample ? b.shl(b.i32(1), sampleNumber) : b.i32(1u << s); };
   const bool masked = (state.sampleMask & allSamples) != allSamples;
   const bool whole = key.rows >= Rows::Whole;
+  // Of blocks of one colour the first sample's is written, for all.
+  const uint32_t stored = key.rows >= Rows::WholeOne ? 1 : samples;
   if (whole) rasterized = coverage = b.i32(allSamples);
   if (masked && !key.settled) coverage = b.and_(coverage, b.i32(state.sampleMask & allSamples));
   const Value passed = key.countSamples ? b.var(Type::I32) : 0;
@@ -422,7 +437,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   for (uint32_t a = 0; a < state.colorCount; ++a)
     if (state.colorFormats[a] != VK_FORMAT_UNDEFINED) replaces &= expander.writes(a) && replacesColor(state, a);
 
-  for (uint32_t s = 0; s < samples; ++s) {
+  for (uint32_t s = 0; s < stored; ++s) {
     live[s] = both(b, live[s], alive);
     if (expander.sampleMask())
       live[s] = both(b, live[s], b.ine(b.and_(b.get(expander.sampleMask()), sampleBit(s)), b.i32(0)));
@@ -463,8 +478,10 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
       if (reads(i)) i.imm |= ir::kOneRecord;
   } else if (key.numerics == ir::Numerics::F32 && std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
     const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics && !decisions;
+    const bool oneColor = wholeOnes && state.samples > 1 && (key.settled || pipeline.visibility.oneColor);
     const bool wanted[kRowKinds] = {false, !(disabledIdeas() & bit(Idea::OneRecord)) && std::any_of(f.insts.begin(), f.insts.end(), reads),
-                                    wholeOnes, wholeOnes && std::any_of(f.insts.begin(), f.insts.end(), readsW)};
+                                    wholeOnes, wholeOnes && std::any_of(f.insts.begin(), f.insts.end(), readsW),
+                                    oneColor, oneColor && std::any_of(f.insts.begin(), f.insts.end(), readsW)};
     for (uint32_t kind = 1; kind < kRowKinds; ++kind) {
       if (!wanted[kind]) continue;
       routine->siblings[kind] = std::make_unique<FragmentRoutine::Sibling>();

@@ -12,7 +12,8 @@ namespace pumice::pipeline {
   X(HiZ, "hi-z")                      \
   X(OneRecord, "one-record")          \
   X(WholeBlocks, "whole-blocks")      \
-  X(LazyClear, "lazy-clear")
+  X(LazyClear, "lazy-clear")          \
+  X(OneColor, "one-color")
 
 enum class Idea : uint32_t {
 #define PUMICE_IDEA(id, name) id,

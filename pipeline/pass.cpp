@@ -50,11 +50,11 @@ void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t bas
 }
 
 void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
-                    const std::byte* element) {
+                    const std::byte* element, uint32_t samples) {
   if (!a.memory.layout || baseLayer >= a.layerCount) return;
   const bool slices = a.memory.layout->type == VK_IMAGE_TYPE_3D;   // a view's layers are the image's depth slices
   for (uint32_t l = baseLayer; l < baseLayer + std::min(layerCount, a.layerCount - baseLayer); ++l)
-    texture::fillRect(a.memory, aspect, a.level, slices ? 0 : a.baseLayer + l, slices ? a.baseLayer + l : 0, rect, element);
+    texture::fillRect(a.memory, aspect, a.level, slices ? 0 : a.baseLayer + l, slices ? a.baseLayer + l : 0, rect, element, samples);
 }
 
 namespace {
@@ -115,6 +115,7 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   decisionRecord = {};
   const raster::TileGrid grid(pass.width, pass.height, pass.layers);
   if (!bins || bins->grid() != grid) bins.emplace(grid);
+  beginOneColor();
   draws.clear();
   forgetPrimitives();
 }
@@ -168,7 +169,7 @@ void PassExecutor::Impl::clearTiles(uint32_t first, uint32_t count) {
                                                     {count * raster::kTileSize, raster::kTileSize}});
   for (uint32_t a = 0; a < pass.colorCount; ++a)
     if (pass.color[a].memory.layout && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
-      fillAttachment(pass.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer, 1, rect, clearElements[a]);
+      clearColor(a, layer, rect, clearElements[a]);
   const Attachment& d = pass.depthStencil;
   if (depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer, 1, rect, d.clear);
   if (stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer, 1, rect, d.clear);
@@ -186,7 +187,7 @@ uint64_t PassExecutor::Impl::clearedBytes() const {
   return bytes;
 }
 
-void PassExecutor::Impl::flush() {
+void PassExecutor::Impl::flush(bool last) {
   bool clears = false;
   if (!loaded) {
     for (uint32_t a = 0; a < pass.colorCount; ++a)
@@ -196,13 +197,15 @@ void PassExecutor::Impl::flush() {
     clears |= stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR;
   }
   // Tiles; and runs of tiles side by side that are only cleared, as one.
+  enum class Kind { Tile, OnlyClears, OnlyFinish };
   struct Work {
     uint32_t tile, count;
-    bool onlyClears;
+    Kind kind;
   };
   std::vector<Work> work;
   uint64_t tiles = 0;
   const bool merge = clears && !statistics && !(disabled & bit(Idea::LazyClear));
+  const bool finish = last && oneColor;   // at the end: resolves and stores
   const raster::TileGrid grid = bins->grid();
   const VkRect2D& area = pass.renderArea;
   if (!isEmpty(area)) {
@@ -213,22 +216,26 @@ void PassExecutor::Impl::flush() {
         for (uint32_t x = x0; x <= x1 && x < grid.tilesX; ++x) {
           const uint32_t tile = (l * grid.tilesY + y) * grid.tilesX + x;
           const bool empty = bins->tile(tile).empty();
-          if (empty && !clears) continue;
-          ++tiles;
-          if (empty && merge && x > x0 && work.back().onlyClears) ++work.back().count;
-          else work.push_back({tile, 1, empty && merge});
+          if (empty && !clears && !finish) continue;
+          if (!empty || clears) ++tiles;
+          const Kind kind = !empty ? Kind::Tile : !clears ? Kind::OnlyFinish : merge ? Kind::OnlyClears : Kind::Tile;
+          if (kind != Kind::Tile && x > x0 && work.back().kind == kind) ++work.back().count;
+          else work.push_back({tile, 1, kind});
         }
   }
+  const auto run = [&](uint32_t i, unsigned worker) {
+    const Work& w = work[i];
+    if (w.kind == Kind::OnlyClears) clearTiles(w.tile, w.count);
+    if (w.kind == Kind::Tile) tileWorkers[worker]->tile(w.tile);
+    for (uint32_t t = w.tile; finish && t < w.tile + w.count; ++t) tileWorkers[worker]->finish(t);
+  };
   // To wake another thread for a clear of a few megabytes costs more than it saves.
   constexpr uint64_t kAloneBytes = 4 * 1024 * 1024;
-  if (!work.empty() && std::all_of(work.begin(), work.end(), [](const Work& w) { return w.onlyClears; }) && clearedBytes() <= kAloneBytes) {
-    for (const Work& w : work) clearTiles(w.tile, w.count);
+  if (!work.empty() && std::all_of(work.begin(), work.end(), [](const Work& w) { return w.kind == Kind::OnlyClears; }) && clearedBytes() <= kAloneBytes) {
+    for (uint32_t i = 0; i < work.size(); ++i) run(i, 0);
   } else if (!work.empty()) {
     for (auto& w : tileWorkers) w->begin();
-    pool.parallelFor(uint32_t(work.size()), [&](uint32_t i, unsigned worker) {
-      if (work[i].onlyClears) clearTiles(work[i].tile, work[i].count);
-      else tileWorkers[worker]->tile(work[i].tile);
-    });
+    pool.parallelFor(uint32_t(work.size()), run);
   }
   counters.tilesTouched += tiles;
   loaded = true;
@@ -236,24 +243,24 @@ void PassExecutor::Impl::flush() {
   forgetPrimitives();
 }
 
+VkImageResolve PassExecutor::Impl::resolveRegion(const Attachment& src, const Attachment& dst) const {
+  VkImageResolve r{};
+  r.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, src.level, src.baseLayer, pass.layers};
+  r.dstSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, dst.level, dst.baseLayer, pass.layers};
+  r.srcOffset = r.dstOffset = {pass.renderArea.offset.x, pass.renderArea.offset.y, 0};
+  r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
+  return r;
+}
+
 void PassExecutor::Impl::resolve() {
   for (uint32_t a = 0; a < pass.colorCount; ++a) {
     const Attachment &src = pass.color[a], &dst = pass.resolve[a];
-    if (!src.memory.layout || !dst.memory.layout || isEmpty(pass.renderArea)) continue;
-    VkImageResolve r{};
-    r.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, src.level, src.baseLayer, pass.layers};
-    r.dstSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, dst.level, dst.baseLayer, pass.layers};
-    r.srcOffset = r.dstOffset = {pass.renderArea.offset.x, pass.renderArea.offset.y, 0};
-    r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
-    texture::resolveImage(pool, src.memory, dst.memory, r);
+    if (!src.memory.layout || !dst.memory.layout || isEmpty(pass.renderArea) || blockResolves[a]) continue;   // those are done tile by tile
+    texture::resolveImage(pool, src.memory, dst.memory, resolveRegion(src, dst));
   }
   const Attachment &src = pass.depthStencil, &dst = pass.depthStencilResolve;
   if (!src.memory.layout || !dst.memory.layout || isEmpty(pass.renderArea)) return;
-  VkImageResolve r{};
-  r.srcSubresource = {0, src.level, src.baseLayer, pass.layers};
-  r.dstSubresource = {0, dst.level, dst.baseLayer, pass.layers};
-  r.srcOffset = r.dstOffset = {pass.renderArea.offset.x, pass.renderArea.offset.y, 0};
-  r.extent = {pass.renderArea.extent.width, pass.renderArea.extent.height, 1};
+  const VkImageResolve r = resolveRegion(src, dst);
   // A resolve overwrites all that a clear before it would have written; an aspect that is not resolved is only cleared.
   const auto finish = [&](VkImageAspectFlagBits aspect, VkResolveModeFlagBits mode, VkAttachmentLoadOp loadOp) {
     if (mode != VK_RESOLVE_MODE_NONE) texture::resolveDepthStencil(pool, src.memory, dst.memory, aspect, mode, r);
@@ -294,7 +301,7 @@ void PassExecutor::Impl::endDecisions() {
 void PassExecutor::Impl::end() {
   if (!open) return;
   const base::ScopedFpEnv environment;
-  flush();
+  flush(true);
   resolve();
   endDecisions();
   open = false;
@@ -339,12 +346,16 @@ void PassExecutor::Impl::printCounters() const {
   std::fprintf(stderr,
                "pumice: stats: pass %ux%u: %llu draws, %llu vertices (%llu reused), %llu primitives of %llu (clipped %llu, facing away %llu, "
                "no area %llu, outside %llu, no sample %llu), %llu tiles, %llu quads, %llu fragments, %llu shaded, %llu samples (%llu failed, %llu of them by Hi-Z, %llu hidden before they were shaded), "
-               "%llu varyings (%llu dropped), bytes cleared %llu, loaded %llu, stored %llu\n",
+               "%llu varyings (%llu dropped), bytes cleared %llu, loaded %llu, stored %llu",
                pass.width, pass.height, n(c.draws), n(c.verticesShaded), n(c.verticesReused), n(c.primitives), n(c.setup.input),
                n(c.setup.clippedAway), n(c.setup.culledFace), n(c.setup.culledZeroArea), n(c.setup.culledOutside), n(c.setup.culledNoSample),
                n(c.tilesTouched), n(c.quads), n(c.fragmentsCovered), n(c.fragmentsShaded), n(c.samplesTested),
                n(c.samplesTested - c.samplesPassed), n(c.samplesRejected), n(c.samplesHidden), n(c.varyingsInterpolated), n(c.varyingsDropped), n(c.bytesCleared), n(c.bytesLoaded),
                n(c.bytesStored));
+  if (oneColor)
+    std::fprintf(stderr, "; %u samples: %llu blocks of one colour (%llu of them written to all samples at the end), %llu split", samples, n(c.blocksOneColor),
+                 n(c.blocksStored), n(c.blocksSplit));
+  std::fputc('\n', stderr);
 }
 
 PassExecutor::PassExecutor(base::ThreadPool& pool) : impl_(std::make_unique<Impl>(pool)) {}

@@ -45,6 +45,8 @@ struct DrawRecord {
   }
   uint64_t* occlusion = nullptr;
   PipelineStatistics* query = nullptr;
+  uint8_t oneColors = 0;         //!< of Impl::oneColor, those that are written
+  bool takesOneColor = false;    //!< blocks covered as a whole may be written as one colour
   // Clears
   VkClearAttachment clear{};
   VkRect2D rect{};
@@ -82,6 +84,9 @@ struct PassExecutor::Impl {
   std::optional<raster::Bins> bins;
   uint64_t collected = 0;        //!< bytes since the last flush
   bool loaded = false;           //!< load operations are done
+  uint32_t oneColor = 0;         //!< colour attachments, bit each, whose blocks may keep one colour for all samples
+  std::vector<uint64_t> oneColorBits;    //!< OneColor's, four words for each tile and attachment
+  std::optional<texture::BlockResolve> blockResolves[kMaxColorAttachments];   //!< of those
   uint64_t* occlusion = nullptr;
   PipelineStatistics* query = nullptr;
   std::vector<std::unique_ptr<FrontWorker>> front;
@@ -93,8 +98,10 @@ struct PassExecutor::Impl {
   void draw(const DrawState& state, const DrawParams& params);
   void clear(const VkClearAttachment& attachment, const VkClearRect& rect);
   void end();
-  //! Finishes the tiles for what was collected. Draws before the last one are forgotten.
-  void flush();
+  //! Finishes the tiles for what was collected. Draws before the last one are forgotten. `last`: the pass ends.
+  void flush(bool last = false);
+  //! Fills a rectangle of one layer of the view with an element as it is stored.
+  void clearColor(uint32_t attachment, uint32_t layer, const VkRect2D& rect, const std::byte* element);
   void disable(Ideas ideas);
 
  private:
@@ -103,6 +110,8 @@ struct PassExecutor::Impl {
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
   void clearTiles(uint32_t first, uint32_t count);
   uint64_t clearedBytes() const;
+  void beginOneColor();
+  VkImageResolve resolveRegion(const Attachment& src, const Attachment& dst) const;
   void resolve();
   void beginDecisions();
   void endDecisions();
@@ -116,8 +125,8 @@ inline bool isEmpty(const VkRect2D& r) { return !r.extent.width || !r.extent.hei
 //! Fills a rectangle of an attachment's layers [baseLayer, baseLayer + layerCount) of the view with one element.
 void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
                     const VkClearValue& value);
-//! The same with an element as it is stored.
+//! The same with an element as it is stored; the first `samples` samples.
 void fillAttachment(const Attachment& a, VkImageAspectFlags aspect, uint32_t baseLayer, uint32_t layerCount, const VkRect2D& rect,
-                    const std::byte* element);
+                    const std::byte* element, uint32_t samples = ~0u);
 
 }  // namespace pumice::pipeline

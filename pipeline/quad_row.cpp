@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cstring>
+#include <utility>
 
 namespace pumice::pipeline {
 
@@ -40,6 +42,9 @@ constexpr SquarePlaces kSquarePlaces = [] {
     }
   return p;
 }();
+
+//! Masks of a block that the first sample stands for.
+constexpr uint16_t kFirstSample[16] = {0xffff};
 
 // Four lanes at once, on any processor (GCC and Clang know vectors).
 typedef float Float4 __attribute__((vector_size(16)));
@@ -142,10 +147,11 @@ void QuadRow::dropRecords() {
   ++generation_;
 }
 
-void QuadRow::addWhole(uint32_t block, float x, float y, const std::byte* record) {
+void QuadRow::addWhole(uint32_t block, float x, float y, bool oneColor, const std::byte* record) {
   const uint32_t n = count_, lane = n * 4;
   count_ += 4;
-  const uint32_t all = (1u << samples_) - 1;
+  const uint32_t all = oneColor ? 1 : (1u << samples_) - 1;
+  if (oneColor) oneColorQuads_ |= 15u << n;
   const Float4 x4 = all4(x), y4 = all4(y);
   const Word4 all4 = {all, all, all, all};
   for (uint32_t q = 0; q < 4; ++q) {
@@ -180,6 +186,12 @@ void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte
   uint32_t here = 0;
   for (uint32_t q = 0; q < 4; ++q) here |= uint32_t((any >> (4 * q) & 15) != 0) << q;
   if (!apart && (pending_[block] & here)) flush();
+  bool oneColor = false;
+  if (const uint32_t colors = draw_->oneColors) {
+    oneColor = draw_->takesOneColor && every == 0xffff && colors_.takes(block, 1, colors, draw_->visibility->replaced);
+    if (oneColor) colors_.take(block, 1, colors);
+    else colors_.split(block, 1, colors);
+  }
   const float fx = float(x & kTileMask), fy = float(y & kTileMask);
   oneRecord_ = count_ == 0 || (oneRecord_ && record == quadRecords_[0]);
   uint32_t elements[kMaxPitches];   // of the block's first pixel
@@ -189,7 +201,7 @@ void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte
       const uint32_t e = elements[p];
       store4(elements_[p] + count_, Word4{e, e + 4, e + 8, e + 12});
     }
-    addWhole(block, fx, fy, record);
+    addWhole(block, fx, fy, oneColor, record);
   } else {
     for (; here; here &= here - 1) {
       const uint32_t q = uint32_t(std::countr_zero(here));
@@ -198,7 +210,8 @@ void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte
         oneRecord_ = true;
       }
       for (uint32_t p = 0; p < pitchCount_; ++p) elements_[p][count_] = elements[p] + q * 4;
-      addQuad(q, any >> (4 * q) & 15, block, fx, fy, masks, record);
+      if (oneColor) oneColorQuads_ |= 1u << count_;
+      addQuad(q, any >> (4 * q) & 15, block, fx, fy, oneColor ? kFirstSample : masks, record);
       if (!apart) pending_[block] |= uint8_t(1u << q);
     }
     return;
@@ -218,7 +231,7 @@ void QuadRow::flush() {
   context.stop = &pass_.pool.cancelled();
   quads += count_;
   if (counts_ && pass_.statistics)
-    for (uint32_t l = 0; l < context.lanes; ++l) tested += uint64_t(std::popcount(coverage_[l]));
+    for (uint32_t l = 0; l < context.lanes; ++l) tested += oneColorQuads_ >> (l / 4) & 1 ? samples_ : uint64_t(std::popcount(coverage_[l]));
   if (draw_->fragment->perSample) {
     runPerSample(context);
   } else {
@@ -228,6 +241,7 @@ void QuadRow::flush() {
   }
   for (uint32_t n = 0; n < count_; ++n) pending_[blocks_[n]] = 0;
   std::fill(std::begin(active_), std::end(active_), 0);
+  oneColorQuads_ = 0;
   count_ = 0;
 }
 
@@ -235,18 +249,26 @@ bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* reco
   if (!whole_) return false;
   float inverseW[3];   // origin, dx, dy
   std::memcpy(inverseW, record + raster::kRecordPlanes + 12, sizeof inverseW);
-  const bool flat = inverseW[0] == 1 && inverseW[1] == 0 && inverseW[2] == 0 && draw_->fragment->hasRows(Rows::WholeFlat);
-  const Rows kind = flat ? Rows::WholeFlat : Rows::Whole;
-  const FragmentRoutine* routine = draw_->fragment->forRows(kind);
-  if (!routine) return false;
+  const bool flat = inverseW[0] == 1 && inverseW[1] == 0 && inverseW[2] == 0;
+  struct Kind {
+    Rows rows;
+    const FragmentRoutine* routine = nullptr;
+    bool asked = false;
+  };
+  Kind all{flat && draw_->fragment->hasRows(Rows::WholeFlat) ? Rows::WholeFlat : Rows::Whole};
+  Kind one{flat && draw_->fragment->hasRows(Rows::WholeOneFlat) ? Rows::WholeOneFlat : Rows::WholeOne};
+  const auto routineOf = [&](Kind& k) {
+    if (!std::exchange(k.asked, true)) k.routine = draw_->fragment->forRows(k.rows);
+    return k.routine;
+  };
+  const uint32_t colors = draw_->oneColors;
+  if (!colors && !routineOf(all)) return false;
   if (!apart && count_)
     for (uint32_t n = first; n < first + count; ++n)
       if (pending_[n]) {
         flush();
         break;
       }
-  DrawRecord::RowBank& own = draw_->rowBanks[size_t(kind)];
-  std::call_once(own.once, [&] { own.bank = routine->code->preamble(draw_->tables); });
   if (!wholePlanesReady_) setWholePlanes();
   std::fill(std::begin(wholeRecords_), std::end(wholeRecords_), record);
   interp::ExecContext context;
@@ -259,15 +281,31 @@ bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* reco
   void* outputs[2] = {passedRow_, shadedRow_};
   context.outputs = outputs;
   for (uint32_t n = first; n < first + count; n += kBlocks) {
+    Kind* kind = &all;
+    if (colors && draw_->takesOneColor) {
+      if (colors_.takes(n, kBlocks, colors, draw_->visibility->replaced)) kind = &one;
+      else if (colors_.any(n, kBlocks, colors)) kind = nullptr;   // some of the blocks do, others do not
+    }
+    if (!kind || !routineOf(*kind)) {
+      uint16_t masks[16];
+      std::fill_n(masks, samples_, uint16_t(0xffff));
+      for (uint32_t k = n; k < n + kBlocks; ++k)
+        add(tileX_ * raster::kTileSize + raster::blockX(k), tileY_ * raster::kTileSize + raster::blockY(k), masks, record, apart);
+      continue;
+    }
+    if (kind == &one) colors_.take(n, kBlocks, colors);
+    else if (colors) colors_.split(n, kBlocks, colors);
+    DrawRecord::RowBank& own = draw_->rowBanks[size_t(kind->rows)];
+    std::call_once(own.once, [&] { own.bank = kind->routine->code->preamble(draw_->tables); });
     const uint32_t lane = (n & 15) * 16;
     const void* inputs[3] = {kSquarePlaces.x[n >> 4 & 3] + lane, kSquarePlaces.y[n >> 6] + lane, wholeCoverage_};
     context.inputs = inputs;
     for (uint32_t i = 0; i < usedPlaneCount_; ++i)
       wholePlanes_[usedPlanes_[i].plane].quadElement = tileElements_[usedPlanes_[i].pitch].data() + n * 4;
-    routine->code->run(own.bank, context);
+    kind->routine->code->run(own.bank, context);
+    quads += kQuads;
+    if (!draw_->settled) fragments += interp::kMaxLanes;
   }
-  quads += count * 4;
-  if (!draw_->settled) fragments += count * 16;
   return true;
 }
 
@@ -288,7 +326,7 @@ void QuadRow::run(interp::ExecContext& context) {
   uint64_t count = 0, ran = 0;
   for (uint32_t l = 0; l < context.lanes; ++l) {
     if (!(context.active[l >> 6] >> (l & 63) & 1)) continue;
-    if (counts_) count += uint64_t(std::popcount(passedRow_[l]));
+    if (counts_) count += oneColorQuads_ >> (l / 4) & 1 ? passedRow_[l] * samples_ : uint64_t(std::popcount(passedRow_[l]));
     if (countShaded) ran += shadedRow_[l];
   }
   shaded += ran;

@@ -2,7 +2,7 @@
 // to pipeline/; one per thread.
 #pragma once
 
-#include "pipeline/pass_impl.h"
+#include "pipeline/one_color.h"
 
 namespace pumice::pipeline {
 
@@ -12,7 +12,8 @@ class QuadRow {
   static constexpr uint32_t kMaxPitches = kMaxColorAttachments + 3;
   static constexpr uint32_t kBlocks = kQuads / 4;   //!< of a row of whole blocks
 
-  explicit QuadRow(PassExecutor::Impl& pass) : pass_(pass) {}
+  //! `colors`: of the tile at hand.
+  QuadRow(PassExecutor::Impl& pass, OneColor& colors) : pass_(pass), colors_(colors) {}
   //! Once per flush of the pass: where the attachments lie.
   void begin() { setPlanes(0); }
   //! The tile that quads come from now. The row is empty.
@@ -45,11 +46,12 @@ class QuadRow {
   void setPlanes(uint32_t layer);
   void setWholePlanes();
   void addQuad(uint32_t quad, uint32_t lanes, uint32_t block, float x, float y, const uint16_t* masks, const std::byte* record);
-  void addWhole(uint32_t block, float x, float y, const std::byte* record);
+  void addWhole(uint32_t block, float x, float y, bool oneColor, const std::byte* record);
   void run(interp::ExecContext& context);
   void runPerSample(const interp::ExecContext& row);
 
   PassExecutor::Impl& pass_;
+  OneColor& colors_;
   uint32_t tileX_ = 0, tileY_ = 0;
   uint32_t planesLayer_ = 0;               //!< that planes_ point to
   DrawRecord* draw_ = nullptr;
@@ -64,6 +66,7 @@ class QuadRow {
   uint32_t count_ = 0;                     //!< quads pending
   bool oneRecord_ = true;                  //!< of all of them
   uint8_t pending_[raster::kBlocksPerTile] = {};   //!< bit per quad of the block: is in the row
+  uint32_t oneColorQuads_ = 0;             //!< bit each: their first sample stands for all (one_color.h)
   uint8_t blocks_[kQuads] = {};            //!< that the row's quads lie in
   const std::byte* quadRecords_[kQuads] = {};
   uint64_t active_[interp::kMaxLanes / 64] = {};

@@ -34,8 +34,10 @@ enum class Rows : uint8_t {
   OneRecord,   //!< all quads have the same record
   Whole,       //!< also, they are whole blocks of pixels, covered at all samples
   WholeFlat,   //!< also, 1/w is 1 everywhere
+  WholeOne,    //!< Whole; of colours the first sample alone is read and written, for all the rest (one_color.h)
+  WholeOneFlat,
 };
-constexpr uint32_t kRowKinds = 4;
+constexpr uint32_t kRowKinds = 6;
 
 struct FragmentKey {
   ir::Numerics numerics = ir::Numerics::F32;
@@ -106,6 +108,9 @@ struct VisibilityTraits {
   uint8_t colors = 0;           //!< bit per attachment that is written. Draws of a run write the same ones
   uint32_t sampleMask = ~0u;
   raster::DepthTest depth;
+  uint8_t written = 0, replaced = 0;   //!< attachments that are written; of which nothing is left where fragments cover all samples
+  bool oneColor = false;        //!< a pixel that is covered at all samples gets the same in all of them, tests or not at all
+  bool readsAttachments = false;
 };
 //! What depths are clamped to that may leave the viewport's range (a bias, the shader's own, no clipping; no clamping asked for).
 raster::DepthRange freeDepths(const GraphicsState& state);

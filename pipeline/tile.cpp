@@ -9,7 +9,7 @@
 namespace pumice::pipeline {
 
 TileWorker::TileWorker(PassExecutor::Impl& pass, Ideas disabled)
-    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), lazyClear_(!(disabled & bit(Idea::LazyClear))), row_(pass), visibility_(hiZ_) {}
+    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), lazyClear_(!(disabled & bit(Idea::LazyClear))), colors_(pass), row_(pass, colors_), visibility_(hiZ_) {}
 
 void TileWorker::loadOps(const VkRect2D& rect) {
   const PassBegin& p = pass_.pass;
@@ -28,7 +28,7 @@ void TileWorker::finishClears(const uint64_t* written, uint32_t colors) {
   for (uint32_t left = std::exchange(lateClears_, 0); left; left &= left - 1) {
     const uint32_t a = uint32_t(std::countr_zero(left));
     const auto fill = [&](const VkRect2D& r) {
-      fillAttachment(pass_.pass.color[a], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, r, pass_.clearElements[a]);
+      pass_.clearColor(a, layer_, r, pass_.clearElements[a]);
     };
     if (!written || !(colors >> a & 1)) {
       fill(tileRect_);
@@ -102,6 +102,7 @@ void TileWorker::tile(uint32_t index) {
   tileY_ = index / grid.tilesX % grid.tilesY;
   layer_ = index / (grid.tilesX * grid.tilesY);
   row_.setTile(tileX_, tileY_, layer_);
+  colors_.setTile(index);
   raster::DepthMemory depth;
   depthKnown_ = pass_.depthKind && pass_.depth.base;
   if (depthKnown_) {
@@ -156,8 +157,12 @@ void TileWorker::clear(const DrawRecord& draw, const VkRect2D& rect) {
   finishClears();
   row_.setDraw(nullptr);
   draw_ = nullptr;
-  if (c.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT)
-    fillAttachment(pass_.pass.color[c.colorAttachment], VK_IMAGE_ASPECT_COLOR_BIT, layer_, 1, r, c.clearValue);
+  const texture::FormatInfo* format = c.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT ? texture::formatInfo(pass_.pass.color[c.colorAttachment].format) : nullptr;
+  if (format && pass_.pass.color[c.colorAttachment].memory.layout) {
+    std::byte element[32];
+    texture::packClearValue(*format, VK_IMAGE_ASPECT_COLOR_BIT, c.clearValue, element);
+    pass_.clearColor(c.colorAttachment, layer_, r, element);
+  }
   if (c.aspectMask & VK_IMAGE_ASPECT_DEPTH_BIT) {
     visibility_.materialise();
     visibility_.forgetDepth();
@@ -256,6 +261,7 @@ void TileWorker::other(DrawRecord& draw, const raster::Primitive& primitive) {
     if (depthKnown_) visibility_.materialise();
     row_.setDraw(&draw);
     draw_ = &draw;
+    if (draw.visibility->readsAttachments) colors_.splitAll();
   }
   primitive_ = &primitive;
   record_ = nullptr;
@@ -320,6 +326,10 @@ void TileWorker::takeCounters(PassCounters& c) {
   c.bytesCleared += cleared_;
   c.bytesLoaded += loaded_;
   c.bytesStored += stored_;
+  c.blocksOneColor += colors_.kept;
+  c.blocksSplit += colors_.splits;
+  c.blocksStored += colors_.stored;
+  colors_.kept = colors_.splits = colors_.stored = 0;
   v = {};
   row_.quads = row_.fragments = row_.shaded = row_.tested = row_.passed = 0;
   rejected_ = cleared_ = loaded_ = stored_ = 0;

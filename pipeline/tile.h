@@ -1,6 +1,7 @@
 // The back end for one tile. Internal to pipeline/.
 #pragma once
 
+#include "pipeline/one_color.h"
 #include "pipeline/quad_row.h"
 #include "raster/visibility.h"
 
@@ -13,6 +14,8 @@ struct TileWorker final : raster::BlockSink {
   //! Once per flush.
   void begin() { row_.begin(); }
   void tile(uint32_t index);
+  //! At the end of the pass, where Impl::oneColor has attachments.
+  void finish(uint32_t index) { colors_.setTile(index), colors_.finish(); }
   void block(uint32_t x, uint32_t y, const uint16_t* masks) override;
   bool square(uint32_t x, uint32_t y, uint32_t size, bool whole) override;
   //! Adds to the pass's counters, and starts from zero.
@@ -36,6 +39,7 @@ struct TileWorker final : raster::BlockSink {
   uint32_t lateClears_ = 0;                  //!< colour attachments, bit each, whose load operation is still to be done
   VkRect2D tileRect_{};                      //!< of the tile, inside of the render area
   uint32_t tileX_ = 0, tileY_ = 0, layer_ = 0;
+  OneColor colors_;
   QuadRow row_;
   raster::Visibility visibility_;
   bool depthKnown_ = false;                  //!< the visibility has the tile's depth attachment

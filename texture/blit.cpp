@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
 
+#include "base/fpenv.h"
 #include "texture/address.h"
 #include "texture/pixel_routine.h"
 #include "texture/rows.h"
@@ -255,10 +257,8 @@ void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory
   }
 }
 
-void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region) {
-  const ImageLayout &from = *src.layout, &to = *dst.layout;
-  const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
-  if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels || from.format->isDepthStencil()) return;
+// The routine of a resolve. With `agreeing` samples the same sum is formed of the first one alone, so the bits are the same.
+static std::shared_ptr<const interp::Executable> resolveRoutine(const ImageLayout& from, const ImageLayout& to, bool agreeing) {
   RoutineKey key;
   key.kind = RoutineKey::Resolve;
   key.sourceAddressing = addressing(from.tiled, from.size);
@@ -266,7 +266,8 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
   key.samples = uint8_t(from.samples);
   key.sourceFormat = formatKey(*from.format);
   key.targetFormat = formatKey(*to.format);
-  auto routine = pixelRoutine(key, [&](Builder& b) {
+  key.agreeing = agreeing;
+  return pixelRoutine(key, [&](Builder& b) {
     const FormatInfo& f = *from.format;
     Value x = b.input(Type::I32, 0), y = b.input(Type::I32, 1), z = b.input(Type::I32, 2);
     Value sx = b.iadd(x, b.uniform(Type::I32, offsetof(BlitParameters, resolveShift)));
@@ -280,7 +281,7 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
     if (!f.isInteger() && from.samples > 1) {
       // One fixed tree, so that the order of additions is the same everywhere.
       std::vector<Texel> level = {sum};
-      for (uint32_t i = 1; i < from.samples; ++i) level.push_back(sample(i));
+      for (uint32_t i = 1; i < from.samples; ++i) level.push_back(agreeing ? sum : sample(i));
       for (; level.size() > 1; level.resize(level.size() / 2))
         for (size_t i = 0; i < level.size() / 2; ++i)
           for (int c = 0; c < 4; ++c) level[i][c] = b.fadd(level[2 * i][c], level[2 * i + 1][c]);
@@ -288,26 +289,110 @@ void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMem
     }
     storePixel(b, *to.format, key, x, y, z, sum);
   });
-  if (!routine) return;
+}
 
+// The target's pixels that a resolve writes; empty if there are none.
+static VkRect2D resolveTarget(const ImageLayout& from, const ImageLayout& to, const VkImageResolve& region) {
+  const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
+  if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels || from.format->isDepthStencil()) return {};
   const LevelLayout &sl = from.planes[0].levels[ss.mipLevel], &dl = to.planes[0].levels[ds.mipLevel];
   const VkOffset3D s = region.srcOffset, d = region.dstOffset;
   if (s.x < 0 || s.y < 0 || d.x < 0 || d.y < 0 || uint32_t(d.x) >= dl.width || uint32_t(d.y) >= dl.height || uint32_t(s.x) >= sl.width ||
       uint32_t(s.y) >= sl.height)
-    return;
-  const uint32_t width = std::min({region.extent.width, dl.width - uint32_t(d.x), sl.width - uint32_t(s.x)});
-  const uint32_t height = std::min({region.extent.height, dl.height - uint32_t(d.y), sl.height - uint32_t(s.y)});
+    return {};
+  return {{d.x, d.y}, {std::min({region.extent.width, dl.width - uint32_t(d.x), sl.width - uint32_t(s.x)}),
+                       std::min({region.extent.height, dl.height - uint32_t(d.y), sl.height - uint32_t(s.y)})}};
+}
+
+void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region) {
+  const ImageLayout &from = *src.layout, &to = *dst.layout;
+  const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
+  const VkRect2D target = resolveTarget(from, to, region);
+  if (!target.extent.width || !target.extent.height) return;
+  auto routine = resolveRoutine(from, to, false);
+  if (!routine) return;
   BlitTables data;
-  data.parameters.resolveShift[0] = s.x - d.x;
-  data.parameters.resolveShift[1] = s.y - d.y;
+  data.parameters.resolveShift[0] = region.srcOffset.x - region.dstOffset.x;
+  data.parameters.resolveShift[1] = region.srcOffset.y - region.dstOffset.y;
   for (uint32_t layer = 0; layer < std::min(ss.layerCount, ds.layerCount); ++layer) {
     if (ss.baseArrayLayer + layer >= from.arrayLayers || ds.baseArrayLayer + layer >= to.arrayLayers) break;
     data.source.image = describe(src, from.planes[0], ss.mipLevel, ss.baseArrayLayer + layer);
     data.target = describe(dst, to.planes[0], ds.mipLevel, ds.baseArrayLayer + layer);
     interp::Tables tables{};
     data.fill(tables);
-    runPixels(pool, *routine, tables, {uint32_t(d.x), uint32_t(d.y), 0, width, height, 1});
+    runPixels(pool, *routine, tables, {uint32_t(target.offset.x), uint32_t(target.offset.y), 0, target.extent.width, target.extent.height, 1});
   }
+}
+
+BlockResolve::BlockResolve(const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region) : src_(src), dst_(dst), region_(region) {
+  target_ = resolveTarget(*src.layout, *dst.layout, region);
+  // What is decoded, averaged with itself and packed again comes out as it was; not so NaN, -128 of SNORM, and bits that mean nothing.
+  const FormatInfo& f = *src.layout->format;
+  copies_ = src.layout->tiled && dst.layout->tiled && f.format == dst.layout->format->format && !f.isCompressed();
+  uint32_t bits = 0;
+  for (const Component& c : f.rgba) bits += c.bits;
+  copies_ &= bits == 8 * f.elementBytes;
+  for (const Component& c : f.rgba)
+    copies_ &= !c.bits || c.numeric == Numeric::Unorm || c.numeric == Numeric::Uint || c.numeric == Numeric::Sint || c.numeric == Numeric::Srgb;
+}
+
+void BlockResolve::blocks(uint32_t layer, std::span<const Block> blocks, bool agreeing) const {
+  const ImageLayout &from = *src_.layout, &to = *dst_.layout;
+  const VkImageSubresourceLayers &ss = region_.srcSubresource, &ds = region_.dstSubresource;
+  if (blocks.empty() || ss.baseArrayLayer + layer >= from.arrayLayers || ds.baseArrayLayer + layer >= to.arrayLayers) return;
+  const uint32_t x0 = uint32_t(target_.offset.x), x1 = x0 + target_.extent.width;
+  const uint32_t y0 = uint32_t(target_.offset.y), y1 = y0 + target_.extent.height;
+  const PlaneLayout &sp = from.planes[0], &dp = to.planes[0];
+  const bool copies = copies_ && agreeing;
+  std::shared_ptr<const interp::Executable> routine;   // made when needed
+  interp::UniformBank bank;
+  BlitTables data;
+  interp::Tables tables{};
+  alignas(64) uint32_t rows[3][interp::kMaxLanes] = {};
+  const void* inputs[] = {rows[0], rows[1], rows[2]};
+  interp::ExecContext context;
+  context.lanes = 0;
+  std::fill(std::begin(context.active), std::end(context.active), 0);
+  const auto run = [&] {
+    if (!context.lanes) return;
+    if (!routine) {
+      routine = resolveRoutine(from, to, agreeing);
+      if (!routine) return;
+      data.source.image = describe(src_, sp, ss.mipLevel, ss.baseArrayLayer + layer);
+      data.target = describe(dst_, dp, ds.mipLevel, ds.baseArrayLayer + layer);
+      data.fill(tables);
+      bank = routine->preamble(tables);
+      context.inputs = inputs;
+      context.tables = tables;
+    }
+    routine->run(bank, context);
+    context.lanes = 0;
+    std::fill(std::begin(context.active), std::end(context.active), 0);
+  };
+  const base::ScopedFpEnv environment;
+  for (const Block b : blocks) {
+    if (copies && b.x >= x0 && b.y >= y0 && b.x + 4u <= x1 && b.y + 4u <= y1) {
+      const auto at = [&](const ImageMemory& m, const PlaneLayout& p, const VkImageSubresourceLayers& s) {
+        const LevelLayout& l = p.levels[s.mipLevel];
+        return m.base + p.offset + (s.baseArrayLayer + layer) * p.layerPitch + l.offset + uint64_t(b.y / 4) * l.rowPitch + uint64_t(b.x) * 4 * p.elementBytes;
+      };
+      std::memcpy(at(dst_, dp, ds), at(src_, sp, ss), 16 * sp.elementBytes);
+      continue;
+    }
+    uint32_t inside = 0;
+    for (uint32_t y = 0; y < 4; ++y)
+      for (uint32_t x = 0; x < 4; ++x) {
+        const uint32_t i = blockIndex(x, y), px = b.x + x, py = b.y + y;
+        rows[0][context.lanes + i] = px;
+        rows[1][context.lanes + i] = py;
+        inside |= uint32_t(px >= x0 && px < x1 && py >= y0 && py < y1) << i;
+      }
+    if (!inside) continue;
+    context.active[context.lanes >> 6] |= uint64_t(inside) << (context.lanes & 63);
+    context.lanes += 16;
+    if (context.lanes == interp::kMaxLanes) run();
+  }
+  run();
 }
 
 void presentRows(base::ThreadPool& pool, const ImageMemory& src, std::byte* rows, uint64_t pitch, VkExtent2D extent) {

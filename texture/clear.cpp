@@ -104,7 +104,8 @@ void clearDepthStencil(base::ThreadPool& pool, const ImageMemory& image, const V
   clearRange(pool, image, v, range);
 }
 
-void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t level, uint32_t layer, uint32_t z, VkRect2D rect, const std::byte* element) {
+void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t level, uint32_t layer, uint32_t z, VkRect2D rect, const std::byte* element,
+              uint32_t samples) {
   const ImageLayout& layout = *image.layout;
   if (level >= layout.mipLevels || layer >= layout.arrayLayers) return;
   const PlaneLayout& plane = layout.plane(aspect);
@@ -122,7 +123,7 @@ void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t leve
   std::byte row[64 * 32];
   const uint32_t chunk = std::min<uint32_t>(width, sizeof(row) / bytes) & ~(width > 4 ? 3u : 0u);
   fillElements(row, chunk, element, bytes);
-  for (uint32_t sample = 0; sample < layout.samples; ++sample) {
+  for (uint32_t sample = 0; sample < std::min(samples, layout.samples); ++sample) {
     Slice s = sliceOf(image, plane, level, layer, sample, z);
     for (int64_t y = y0; y < y1;) {
       if (wholeColumns && y % 4 == 0 && (y + 4 <= y1 || y1 == l.elementsY)) {

@@ -19,7 +19,8 @@ struct RoutineKey {
   uint8_t sourceAddressing = 0, targetAddressing = 0;  //!< ViewKey::tiled
   uint8_t samples = 1;
   uint16_t sourceFormat = 0, targetFormat = 0;   //!< formatKey()
-  uint16_t padding = 0;
+  uint8_t agreeing = 0;                          //!< of resolves: all samples are known to equal the first
+  uint8_t padding = 0;
   bool operator==(const RoutineKey&) const = default;
 };
 static_assert(sizeof(RoutineKey) == 12);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 
 #include "base/threads.h"
 #include "texture/layout.h"
@@ -30,12 +31,28 @@ void clearColor(base::ThreadPool& pool, const ImageMemory& image, const VkClearC
 void clearDepthStencil(base::ThreadPool& pool, const ImageMemory& image, const VkClearDepthStencilValue& value, const VkImageSubresourceRange& range);
 //! One element's bits of a clear value in format f (elementBytes of f are written; depth or stencil plane by aspect).
 void packClearValue(const FormatInfo& f, VkImageAspectFlags aspect, const VkClearValue& value, std::byte out[32]);
-//! Fills a rectangle of one level, layer range and plane, all samples, with one element's bits (x, y, w, h in elements).
-void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t level, uint32_t layer, uint32_t z, VkRect2D rect, const std::byte* element);
+//! Fills a rectangle of one level, layer and plane, the first `samples` samples, with one element's bits (x, y, w, h in elements).
+void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t level, uint32_t layer, uint32_t z, VkRect2D rect, const std::byte* element,
+              uint32_t samples = ~0u);
 //! Scaling and format-converting blit through lane IR (unpack, filter, pack); routines are cached by format pair and filter.
 void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageBlit& region, VkFilter filter);
 //! Multisample colour resolve: average, integer formats sample 0.
 void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region);
+//! The same block by block, for a pass that knows of which blocks the samples agree. The region's offsets are equal.
+class BlockResolve {
+ public:
+  BlockResolve(const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region);
+  struct Block { uint16_t x, y; };   //!< its first pixel: multiples of 4
+  //! Those pixels of 4x4 blocks that the region has. `layer` from its first on. `agreeing`: only the first sample is looked at, which
+  //! the others equal; the bits are those of the average. Safe from several threads for different blocks.
+  void blocks(uint32_t layer, std::span<const Block> blocks, bool agreeing) const;
+
+ private:
+  ImageMemory src_, dst_;
+  VkImageResolve region_;
+  VkRect2D target_{};
+  bool copies_ = false;   //!< blocks of equal samples may be copied
+};
 //! The same for one aspect of a depth/stencil image, by any mode of the spec.
 void resolveDepthStencil(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, VkImageAspectFlagBits aspect, VkResolveModeFlagBits mode,
                          const VkImageResolve& region);

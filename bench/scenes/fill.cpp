@@ -37,13 +37,13 @@ struct FullScreenTriangle : DrawScene {
 enum class Order { kFrontToBack, kBackToFront, kBlended };
 
 // Layers of two triangles each over the whole screen, one draw each.
-template <Order order>
+template <Order order, VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT>
 struct Layers : DrawScene {
   Pipeline shaded;
   Buffer vertices;
   uint32_t layers;
   Layers(Device& device, const Options& options)
-      : DrawScene(device, options, order == Order::kBlended ? VK_FORMAT_UNDEFINED : VK_FORMAT_D32_SFLOAT),
+      : DrawScene(device, options, order == Order::kBlended ? VK_FORMAT_UNDEFINED : VK_FORMAT_D32_SFLOAT, samples),
         layers(options.amount ? uint32_t(options.amount) : 50) {
     PipelineSpec spec;
     useSmallVertices(spec);
@@ -88,6 +88,7 @@ void addFillScenes(SceneTable& table) {
   table.push_back({"layers_front_to_back", "50 opaque layers, nearest first", makeScene<Layers<Order::kFrontToBack>>});
   table.push_back({"layers_back_to_front", "50 opaque layers, nearest last", makeScene<Layers<Order::kBackToFront>>});
   table.push_back({"layers_blended", "50 layers, each blended over the ones before", makeScene<Layers<Order::kBlended>>});
+  table.push_back({"layers_blended_msaa4", "the same at 4 samples", makeScene<Layers<Order::kBlended, VK_SAMPLE_COUNT_4_BIT>>});
 }
 
 }  // namespace pumice::bench

@@ -112,6 +112,7 @@ void addTriangleScenes(SceneTable& table) {
   table.push_back({"triangles_million", "1,000,000 triangles of 2 pixels", makeScene<Triangles<1'000'000, 2>>});
   table.push_back({"triangles_100k", "100,000 triangles of 55 pixels", makeScene<Triangles<100'000, 55>>});
   table.push_back({"triangles_100k_msaa4", "the same at 4 samples", makeScene<Triangles<100'000, 55, VK_SAMPLE_COUNT_4_BIT>>});
+  table.push_back({"triangles_large_msaa4", "2,000 triangles of 5,000 pixels at 4 samples", makeScene<Triangles<2'000, 5'000, VK_SAMPLE_COUNT_4_BIT>>});
   table.push_back({"small_draws_10000", "10,000 draws, each with its own uniforms", makeScene<SmallDraws>});
 }
 

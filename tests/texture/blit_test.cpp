@@ -152,6 +152,47 @@ TEST(Resolve, AveragesSamples) {
   EXPECT_EQ(one.pixel(5, 6), ints.pixel(5, 6));
 }
 
+// Blocks whose samples agree: every value of small components, all kinds of floats.
+TEST(Resolve, BlocksOfEqualSamplesHaveTheBitsOfTheAverage) {
+  base::ThreadPool pool(1);
+  uint32_t formats = 0;
+  for (const FormatInfo& f : allFormats()) {
+    if (!(optimalFeatures(f) & VK_FORMAT_FEATURE_2_COLOR_ATTACHMENT_BIT) || f.isDepthStencil()) continue;
+    ++formats;
+    SCOPED_TRACE(f.name);
+    for (uint32_t samples : {2u, 4u, 16u}) {
+      const uint32_t side = samples == 2 ? 258 : 35;
+      TestImage src(f.format, {side, side, 1}, 1, 2, VK_IMAGE_TYPE_2D, VK_IMAGE_TILING_OPTIMAL, VkSampleCountFlagBits(samples));
+      TestImage average(f.format, {side + 3, side, 1}, 1, 2), blocks(f.format, {side + 3, side, 1}, 1, 2);
+      src.randomise(samples);
+      const uint32_t bytes = src.layout.planes[0].elementBytes;
+      uint32_t count = 0;
+      for (uint32_t y = 0; y < side; ++y)
+        for (uint32_t x = 0; x < side; ++x, ++count) {
+          std::byte* first = src.element(kColor, 0, 1, x, y);
+          const uint32_t number = count * 0x10001u;   // all 16-bit words
+          std::memcpy(first, &number, std::min(bytes, 4u));
+          for (uint32_t s = 1; s < samples; ++s) std::memcpy(src.element(kColor, 0, 1, x, y, 0, s), first, bytes);
+        }
+      const VkImageResolve region{{kColor, 0, 1, 1}, {2, 1, 0}, {kColor, 0, 1, 1}, {2, 1, 0}, {side - 3, side - 1, 1}};
+      resolveImage(pool, src.memory(), average.memory(), region);
+      std::vector<BlockResolve::Block> all;
+      for (uint32_t y = 0; y < side; y += 4)
+        for (uint32_t x = 0; x < side; x += 4) all.push_back({uint16_t(x), uint16_t(y)});
+      const BlockResolve resolve(src.memory(), blocks.memory(), region);
+      resolve.blocks(0, all, false);
+      ASSERT_TRUE(blocks.storage == average.storage) << samples << " samples, block by block";
+      std::fill(blocks.storage.begin(), blocks.storage.end(), 0);
+      for (uint32_t y = 0; y < side; ++y)
+        for (uint32_t x = 0; x < side; ++x)
+          for (uint32_t s = 1; s < samples; ++s) std::memset(src.element(kColor, 0, 1, x, y, 0, s), 0x55, bytes);   // nobody looks at them
+      resolve.blocks(0, all, true);
+      ASSERT_TRUE(blocks.storage == average.storage) << samples << " samples, of the first alone";
+    }
+  }
+  EXPECT_GT(formats, 40u);
+}
+
 TEST(Present, GivesRowsOfBgra) {
   base::ThreadPool pool(2);
   for (VkFormat f : {VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_B8G8R8A8_SRGB, VK_FORMAT_R8G8B8A8_SRGB, VK_FORMAT_R5G6B5_UNORM_PACK16, VK_FORMAT_A2B10G10R10_UNORM_PACK32}) {
