@@ -131,12 +131,14 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBeginRendering(VkCommandBuffer buffer, const VkR
   if (!begin.depthStencil.memory.layout) {
     begin.depthStencil = stencil;
     begin.depthStencil.loadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+    begin.depthStencil.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
   } else if (stencil.memory.layout) {
     begin.depthStencil.stencilLoadOp = stencil.loadOp;
     begin.depthStencil.stencilStoreOp = stencil.storeOp;
     begin.depthStencil.clear.depthStencil.stencil = stencil.clear.depthStencil.stencil;
   } else {
     begin.depthStencil.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_LOAD;
+    begin.depthStencil.stencilStoreOp = VK_ATTACHMENT_STORE_OP_STORE;
   }
   for (auto [info_, mode] : {std::pair{info->pDepthAttachment, &begin.depthResolve}, std::pair{info->pStencilAttachment, &begin.stencilResolve}})
     if (const ImageView* resolve = info_ && info_->imageView && info_->resolveMode ? from(info_->resolveImageView) : nullptr) {

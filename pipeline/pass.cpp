@@ -171,7 +171,7 @@ void PassExecutor::Impl::clearTiles(uint32_t first, uint32_t count) {
     if (pass.color[a].memory.layout && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
       clearColor(a, layer, rect, clearElements[a]);
   const Attachment& d = pass.depthStencil;
-  if (depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer, 1, rect, d.clear);
+  if (depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR && keepsDepth()) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer, 1, rect, d.clear);
   if (stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer, 1, rect, d.clear);
 }
 
@@ -187,7 +187,8 @@ uint64_t PassExecutor::Impl::clearedBytes() const {
   return bytes;
 }
 
-void PassExecutor::Impl::flush(bool last) {
+void PassExecutor::Impl::flush(bool isLast) {
+  last = isLast;
   bool clears = false;
   if (!loaded) {
     for (uint32_t a = 0; a < pass.colorCount; ++a)

@@ -84,6 +84,7 @@ struct PassExecutor::Impl {
   std::optional<raster::Bins> bins;
   uint64_t collected = 0;        //!< bytes since the last flush
   bool loaded = false;           //!< load operations are done
+  bool last = false;             //!< the flush at hand is the pass's last
   uint32_t oneColor = 0;         //!< colour attachments, bit each, whose blocks may keep one colour for all samples
   std::vector<uint64_t> oneColorBits;    //!< OneColor's, four words for each tile and attachment
   std::optional<texture::BlockResolve> blockResolves[kMaxColorAttachments];   //!< of those
@@ -98,11 +99,15 @@ struct PassExecutor::Impl {
   void draw(const DrawState& state, const DrawParams& params);
   void clear(const VkClearAttachment& attachment, const VkClearRect& rect);
   void end();
-  //! Finishes the tiles for what was collected. Draws before the last one are forgotten. `last`: the pass ends.
-  void flush(bool last = false);
+  //! Finishes the tiles for what was collected. Draws before the last one are forgotten. `isLast`: the pass ends.
+  void flush(bool isLast = false);
   //! Fills a rectangle of one layer of the view with an element as it is stored.
   void clearColor(uint32_t attachment, uint32_t layer, const VkRect2D& rect, const std::byte* element);
   void disable(Ideas ideas);
+  //! Whether anybody sees depths of the attachment after the flush at hand.
+  bool keepsDepth() const {
+    return !last || pass.depthStencil.storeOp != VK_ATTACHMENT_STORE_OP_DONT_CARE || (pass.depthResolve && pass.depthStencilResolve.memory.layout);
+  }
 
  private:
   bool fits(const GraphicsState& state) const;

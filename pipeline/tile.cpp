@@ -143,7 +143,7 @@ void TileWorker::tile(uint32_t index) {
   }
   settle();
   finishClears();
-  visibility_.materialise();
+  if (pass_.keepsDepth()) visibility_.materialise();
   row_.setDraw(nullptr);
   draw_ = nullptr;
   row_.dropRecords();

@@ -153,6 +153,36 @@ void main() { target = color + vec4(dFdx(color.x), gl_FragCoord.x * 0.001, gl_Fr
   }
 }
 
+// Depths that nobody keeps are not written, where planes say what they are; the picture is the same.
+TEST(VisibleFirst, DepthThatIsNotStoredIsNotWrittenButWhereItWasNeeded) {
+  std::vector<std::byte> pictures[2];
+  for (bool store : {true, false}) {
+    Scene s(128, 128, VK_FORMAT_D32_SFLOAT);
+    s.executor.disable(0);
+    GraphicsState state = s.state();
+    state.depthTest = state.depthWrite = true;
+    state.depthCompare = VK_COMPARE_OP_LESS;
+    auto d = s.drawState(s.pipeline(state));
+    s.begin();
+    std::memset(s.depth->memory().base, 0x77, s.depth->layout.size);
+    if (!store) s.pass.depthStencil.storeOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
+    s.executor.begin(s.pass);
+    s.draw(d, triangle(s, {-10, -10, 500, -10, -10, 500}, 0.75f, {1, 0, 0, 1}));
+    s.draw(d, triangle(s, {64, 0, 64, 0, 0, 0}, 0.5f, {0, 1, 0, 1}));
+    s.draw(d, rectangle(s, 2, 2, 30, 30, 0.5f, {0, 1, 0, 1}));
+    s.draw(d, rectangle(s, 20, 20, 40, 40, 0.625f, {0, 0, 1, 1}));
+    s.end();
+    pictures[store].assign(s.color.memory().base, s.color.memory().base + s.color.layout.size);
+    constexpr uint32_t kSentinel = 0x77777777;
+    uint32_t written = 0;
+    for (uint32_t y = 0; y < 128; ++y)
+      for (uint32_t x = 0; x < 128; ++x) written += s.depth->at<uint32_t>(x, y, VK_IMAGE_ASPECT_DEPTH_BIT) != kSentinel;
+    if (store) EXPECT_EQ(written, 128u * 128);
+    else EXPECT_LT(written, 40u * 40) << "only blocks along edges needed their depths";
+  }
+  EXPECT_EQ(pictures[0], pictures[1]);
+}
+
 //! Shaders are few, pipelines many.
 std::shared_ptr<const frontend::Shader> cached(frontend::Stage stage, const std::string& glsl) {
   static std::map<std::string, std::shared_ptr<const frontend::Shader>> known;
