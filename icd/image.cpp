@@ -92,7 +92,7 @@ void bindImage(VkImage handle, VkDeviceMemory memory, VkDeviceSize offset, const
   Image& image = *from(handle);
   if (auto* swapchain = findInChain<VkBindImageMemorySwapchainInfoKHR>(chain, VK_STRUCTURE_TYPE_BIND_IMAGE_MEMORY_SWAPCHAIN_INFO_KHR);
       swapchain && swapchain->swapchain)
-    image.data = swapchainImageData(swapchain->swapchain, swapchain->imageIndex);
+    bindSwapchainImage(image, swapchain->swapchain, swapchain->imageIndex);
   else if (auto* plane = findInChain<VkBindImagePlaneMemoryInfo>(chain, VK_STRUCTURE_TYPE_BIND_IMAGE_PLANE_MEMORY_INFO);
            plane && (image.flags & VK_IMAGE_CREATE_DISJOINT_BIT))
     bindPlane(image, plane->planeAspect, from(memory)->data + offset);

@@ -38,7 +38,8 @@ struct Image {
   VkFormat format = VK_FORMAT_UNDEFINED;
   std::byte* data = nullptr;     //!< null until bound
   std::byte* planeData[3] = {};  //!< of a disjoint image, as far as they are bound; then layout's planes lie relative to the first
-  texture::ImageMemory memory() const { return {data ? &layout : nullptr, data}; }
+  texture::ClearedTiles* cleared = nullptr;   //!< of a swapchain's image, and of others bound to its memory
+  texture::ImageMemory memory() const { return {data ? &layout : nullptr, data, cleared}; }
 };
 
 struct ImageView {

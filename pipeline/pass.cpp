@@ -1,6 +1,7 @@
 // A render pass: draws are collected (draw.cpp), then tiles are finished (tile.cpp).
 #include <algorithm>
 #include <cstdio>
+#include <cstring>
 #include <mutex>
 
 #include "base/env.h"
@@ -9,6 +10,7 @@
 #include "pipeline/front.h"
 #include "pipeline/tile.h"
 #include "spirv_interp/jit/jit.h"
+#include "texture/cleared.h"
 
 namespace pumice::pipeline {
 
@@ -113,11 +115,34 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   if (pass.depthStencil.memory.layout) pass.layers = std::min(pass.layers, pass.depthStencil.layerCount);
   decisions = {};
   decisionRecord = {};
+  beginCleared();
   const raster::TileGrid grid(pass.width, pass.height, pass.layers);
   if (!bins || bins->grid() != grid) bins.emplace(grid);
   beginOneColor();
   draws.clear();
   forgetPrimitives();
+}
+
+// Where the whole image is cleared, tiles without draws need no more than a mark. All other passes find everything in memory.
+void PassExecutor::Impl::beginCleared() {
+  static_assert(texture::ClearedTiles::kEdge == raster::kTileSize);
+  marked = 0;
+  for (uint32_t a = 0; a < pass.colorCount; ++a) {
+    if (pass.resolve[a].memory.layout) texture::writeCleared(pass.resolve[a].memory);
+    const Attachment& c = pass.color[a];
+    texture::ClearedTiles* cleared = c.memory.layout ? c.memory.cleared : nullptr;
+    if (!cleared) continue;
+    const texture::LevelLayout& level = c.memory.layout->planes[0].levels[0];
+    const VkRect2D& area = pass.renderArea;
+    const bool whole = !area.offset.x && !area.offset.y && area.extent.width == level.width && area.extent.height == level.height;
+    if (c.loadOp != VK_ATTACHMENT_LOAD_OP_CLEAR || !whole || statistics || (disabled & bit(Idea::LazyClear))) {
+      texture::writeCleared(c.memory);
+      continue;
+    }
+    std::fill(cleared->marks.begin(), cleared->marks.end(), 0);
+    std::memcpy(cleared->element, clearElements[a], sizeof cleared->element);
+    marked |= 1u << a;
+  }
 }
 
 void PassExecutor::Impl::clear(const VkClearAttachment& attachment, const VkClearRect& rect) {
@@ -167,9 +192,11 @@ void PassExecutor::Impl::clearTiles(uint32_t first, uint32_t count) {
   const uint32_t x = first % grid.tilesX, y = first / grid.tilesX % grid.tilesY, layer = first / (grid.tilesX * grid.tilesY);
   const VkRect2D rect = intersect(pass.renderArea, {{int32_t(x * raster::kTileSize), int32_t(y * raster::kTileSize)},
                                                     {count * raster::kTileSize, raster::kTileSize}});
-  for (uint32_t a = 0; a < pass.colorCount; ++a)
-    if (pass.color[a].memory.layout && pass.color[a].loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR)
-      clearColor(a, layer, rect, clearElements[a]);
+  for (uint32_t a = 0; a < pass.colorCount; ++a) {
+    if (!pass.color[a].memory.layout || pass.color[a].loadOp != VK_ATTACHMENT_LOAD_OP_CLEAR) continue;
+    if (!(marked >> a & 1)) clearColor(a, layer, rect, clearElements[a]);
+    else std::fill_n(&pass.color[a].memory.cleared->mark(x, y), count, 1);
+  }
   const Attachment& d = pass.depthStencil;
   if (depth.base && d.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR && keepsDepth()) fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer, 1, rect, d.clear);
   if (stencil.base && d.stencilLoadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) fillAttachment(d, VK_IMAGE_ASPECT_STENCIL_BIT, layer, 1, rect, d.clear);

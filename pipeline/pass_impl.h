@@ -75,6 +75,7 @@ struct PassExecutor::Impl {
   uint32_t samples = 1;
   AttachmentPlane colorPlanes[kMaxColorAttachments], depth, stencil;
   std::byte clearElements[kMaxColorAttachments][32];   //!< clear values as they are stored, where the load operation clears
+  uint32_t marked = 0;           //!< colour attachments whose cleared tiles are only marked (texture/cleared.h)
   AttachmentPlane decisions;     //!< of the record, if the pass has one
   std::vector<uint32_t> decisionWords;   //!< its memory, in blocks as attachments have them
   DecisionRecord decisionRecord; //!< of the last finished pass
@@ -115,6 +116,7 @@ struct PassExecutor::Impl {
   void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
   void clearTiles(uint32_t first, uint32_t count);
   uint64_t clearedBytes() const;
+  void beginCleared();
   void beginOneColor();
   VkImageResolve resolveRegion(const Attachment& src, const Attachment& dst) const;
   void resolve();

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "texture/cleared.h"
+
 namespace pumice::pipeline {
 
 TileWorker::TileWorker(PassExecutor::Impl& pass, Ideas disabled)
@@ -117,6 +119,9 @@ void TileWorker::tile(uint32_t index) {
   const VkRect2D rect = tileRect_ = intersect(pass_.pass.renderArea, tileRect);
   lateClears_ = 0;
   if (!pass_.loaded && !isEmpty(rect)) loadOps(rect);
+  if (pass_.loaded)
+    for (uint32_t left = pass_.marked; left; left &= left - 1)
+      texture::writeClearedTile(pass_.pass.color[std::countr_zero(left)].memory, tileX_, tileY_);
   if (pass_.statistics) countBytes(rect);
 
   const std::span<const raster::BinEntry> bin = pass_.bins->tile(index);

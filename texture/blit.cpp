@@ -10,6 +10,7 @@
 
 #include "base/fpenv.h"
 #include "texture/address.h"
+#include "texture/cleared.h"
 #include "texture/pixel_routine.h"
 #include "texture/rows.h"
 
@@ -215,6 +216,8 @@ bool isCopy(const ImageLayout& from, const ImageLayout& to, const VkImageBlit& r
 }  // namespace
 
 void blitImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageBlit& region, VkFilter filter) {
+  writeCleared(src);
+  writeCleared(dst);
   const ImageLayout &from = *src.layout, &to = *dst.layout;
   const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
   if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels) return;
@@ -305,6 +308,8 @@ static VkRect2D resolveTarget(const ImageLayout& from, const ImageLayout& to, co
 }
 
 void resolveImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageResolve& region) {
+  writeCleared(src);
+  writeCleared(dst);
   const ImageLayout &from = *src.layout, &to = *dst.layout;
   const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
   const VkRect2D target = resolveTarget(from, to, region);
@@ -404,14 +409,38 @@ void presentRows(base::ThreadPool& pool, const ImageMemory& src, std::byte* rows
   const bool swap = format == VK_FORMAT_R8G8B8A8_UNORM || format == VK_FORMAT_A8B8G8R8_UNORM_PACK32;
   if (from.tiled && (swap || format == VK_FORMAT_B8G8R8A8_UNORM)) {
     const std::byte* base = src.base + plane.offset;
-    parallelRanges(pool, (height + 3) / 4, uint64_t(width) * 16, [&](uint32_t begin, uint32_t end) {
+    ClearedTiles* cleared = src.cleared;
+    std::byte pattern[32];
+    uint64_t converted = uint64_t(width) * height * 4;
+    if (cleared) {
+      std::byte pixel[4];
+      std::memcpy(pixel, cleared->element, 4);
+      if (swap) std::swap(pixel[0], pixel[2]);
+      for (int i = 0; i < 8; ++i) std::memcpy(pattern + 4 * i, pixel, 4);
+      converted = uint64_t(std::count(cleared->marks.begin(), cleared->marks.end(), 0)) * ClearedTiles::kEdge * ClearedTiles::kEdge * 4;
+    }
+    const auto convert = [&](uint32_t begin, uint32_t end) {
       for (uint32_t i = begin; i < end; ++i) {
-        auto blocks = reinterpret_cast<const uint32_t*>(base + i * level.rowPitch);
-        (swap ? presentBlocks<true> : presentBlocks<false>)(blocks, rows + uint64_t(4) * i * pitch, pitch, width, std::min(4u, height - 4 * i));
+        const uint32_t lines = std::min(4u, height - 4 * i);
+        std::byte* out = rows + uint64_t(4) * i * pitch;
+        for (uint32_t x = 0, run; x < width; x += run) {
+          const uint32_t tileY = 4 * i / ClearedTiles::kEdge;
+          run = cleared ? cleared->run(x, tileY, width) : width;
+          if (cleared && cleared->mark(x / ClearedTiles::kEdge, tileY)) {
+            for (uint32_t y = 0; y < lines; ++y) fillBytes(out + y * pitch + uint64_t(x) * 4, uint64_t(run) * 4, pattern, Store::kCached);
+            continue;
+          }
+          auto blocks = reinterpret_cast<const uint32_t*>(base + i * level.rowPitch) + uint64_t(x) * 4;
+          (swap ? presentBlocks<true> : presentBlocks<false>)(blocks, out + uint64_t(x) * 4, pitch, run, lines);
+        }
       }
-    });
+    };
+    // Rows that are only filled are not worth another thread.
+    if (converted < kParallelBytes) convert(0, (height + 3) / 4);
+    else parallelRanges(pool, (height + 3) / 4, uint64_t(width) * 16, convert);
     return;
   }
+  writeCleared(src);
 
   RoutineKey key;
   key.kind = RoutineKey::Blit;

@@ -4,6 +4,7 @@
 
 #include "base/fpenv.h"
 #include "texture/builders.h"
+#include "texture/cleared.h"
 #include "texture/pixel_routine.h"
 #include "texture/rows.h"
 
@@ -65,6 +66,7 @@ void fillLevel(base::ThreadPool& pool, const ImageMemory& image, const PlaneLayo
 }
 
 void clearRange(base::ThreadPool& pool, const ImageMemory& image, const VkClearValue& value, const VkImageSubresourceRange& range) {
+  writeCleared(image);
   const ImageLayout& layout = *image.layout;
   if (layout.format->isCompressed()) return;
   const uint32_t levels = range.levelCount == VK_REMAINING_MIP_LEVELS ? layout.mipLevels : std::min(range.baseMipLevel + range.levelCount, layout.mipLevels);

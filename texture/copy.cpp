@@ -3,6 +3,7 @@
 #include <array>
 #include <vector>
 
+#include "texture/cleared.h"
 #include "texture/rows.h"
 
 namespace pumice::texture {
@@ -158,14 +159,18 @@ void copySlice(base::ThreadPool& pool, const Slice& s, const Box& from, const Sl
 }  // namespace
 
 void copyBufferToImage(base::ThreadPool& pool, const BufferMemory& src, const ImageMemory& dst, const VkBufferImageCopy& region) {
+  writeCleared(dst);
   copyBuffer<true>(pool, src, dst, region);
 }
 
 void copyImageToBuffer(base::ThreadPool& pool, const ImageMemory& src, const BufferMemory& dst, const VkBufferImageCopy& region) {
+  writeCleared(src);
   copyBuffer<false>(pool, dst, src, region);
 }
 
 void copyImage(base::ThreadPool& pool, const ImageMemory& src, const ImageMemory& dst, const VkImageCopy& region) {
+  writeCleared(src);
+  writeCleared(dst);
   const ImageLayout &from = *src.layout, &to = *dst.layout;
   const VkImageSubresourceLayers &ss = region.srcSubresource, &ds = region.dstSubresource;
   if (ss.mipLevel >= from.mipLevels || ds.mipLevel >= to.mipLevels) return;

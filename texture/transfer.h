@@ -10,9 +10,11 @@
 
 namespace pumice::texture {
 
+struct ClearedTiles;
 struct ImageMemory {
   const ImageLayout* layout = nullptr;
   std::byte* base = nullptr;
+  ClearedTiles* cleared = nullptr;   //!< of images that may have such (cleared.h). Transfers write them first
 };
 struct BufferMemory {
   std::byte* base = nullptr;

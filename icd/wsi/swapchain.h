@@ -8,7 +8,7 @@ namespace pumice::icd {
 struct Swapchain;
 PUMICE_HANDLE(Swapchain, VkSwapchainKHR)
 
-//! Memory of a swapchain's image (vkBindImageMemory2 with VkBindImageMemorySwapchainInfoKHR).
-std::byte* swapchainImageData(VkSwapchainKHR swapchain, uint32_t index);
+//! Gives an image the memory of a swapchain's (vkBindImageMemory2 with VkBindImageMemorySwapchainInfoKHR).
+void bindSwapchainImage(Image& image, VkSwapchainKHR swapchain, uint32_t index);
 
 }  // namespace pumice::icd

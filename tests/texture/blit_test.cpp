@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "tests/texture/test_image.h"
+#include "texture/cleared.h"
 
 namespace pumice::texture {
 namespace {
@@ -191,6 +192,30 @@ TEST(Resolve, BlocksOfEqualSamplesHaveTheBitsOfTheAverage) {
     }
   }
   EXPECT_GT(formats, 40u);
+}
+
+// Marked tiles and others, on one thread and on several: the same rows as from memory.
+TEST(Present, FindsTilesThatAreOnlyMarked) {
+  base::ThreadPool pool(2);
+  for (VkFormat f : {VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_B8G8R8A8_SRGB})
+    for (uint32_t every : {1u, 2u, 5u, 1000u}) {
+      const uint32_t width = 1301, height = 403, pitch = 5216;
+      TestImage image(f, {width, height, 1});
+      image.randomise(1);
+      ClearedTiles cleared(width, height);
+      const uint8_t element[4] = {1, 20, 200, 77};
+      std::memcpy(cleared.element, element, 4);
+      for (size_t i = 0; i < cleared.marks.size(); ++i) cleared.marks[i] = i % every == 0;
+      ImageMemory memory = image.memory();
+      memory.cleared = &cleared;
+      std::vector<std::byte> marked(pitch * height, std::byte(0x77)), written = marked;
+      presentRows(pool, memory, marked.data(), pitch, {width, height});
+      writeCleared(memory);
+      EXPECT_EQ(std::count(cleared.marks.begin(), cleared.marks.end(), 1), 0);
+      EXPECT_EQ(std::memcmp(image.element(kColor, 0, 0, 0, 0), element, 4), 0);
+      presentRows(pool, image.memory(), written.data(), pitch, {width, height});
+      EXPECT_TRUE(marked == written) << formatInfo(f)->name << ", every " << every;
+    }
 }
 
 TEST(Present, GivesRowsOfBgra) {
