@@ -14,8 +14,8 @@
 namespace pumice::pipeline {
 
 //! Bytes of primitives and draws that a pass collects before its tiles are finished in between.
-constexpr uint64_t kBinBudget = uint64_t(128) << 20;
-constexpr uint64_t kArenaKept = uint64_t(96) << 20;   //!< what an arena may keep from pass to pass
+constexpr uint64_t kBinBudget = uint64_t(32) << 20;
+constexpr uint64_t kArenaKept = uint64_t(48) << 20;   //!< what an arena may keep from pass to pass
 
 //! A draw, or a clear in the middle of a pass: what a bin entry's number refers to.
 struct DrawRecord {

@@ -124,15 +124,20 @@ void fillRect(const ImageMemory& image, VkImageAspectFlags aspect, uint32_t leve
   // One packed row of copies serves every row.
   std::byte row[64 * 32];
   const uint32_t chunk = std::min<uint32_t>(width, sizeof(row) / bytes) & ~(width > 4 ? 3u : 0u);
-  fillElements(row, chunk, element, bytes);
+  bool packed = false;
+  // Whole rows of blocks lie one behind the other, too.
+  const bool wholeRows = wholeColumns && across * bytes == l.rowPitch;
   for (uint32_t sample = 0; sample < std::min(samples, layout.samples); ++sample) {
     Slice s = sliceOf(image, plane, level, layer, sample, z);
     for (int64_t y = y0; y < y1;) {
       if (wholeColumns && y % 4 == 0 && (y + 4 <= y1 || y1 == l.elementsY)) {
-        fillElements(s.row(uint32_t(y)) + uint64_t(x0) * 4 * bytes, across, element, bytes);
-        y += 4;
+        const int64_t groups = !wholeRows ? 1 : y1 == l.elementsY ? (y1 - y + 3) / 4 : (y1 - y) / 4;
+        fillElements(s.row(uint32_t(y)) + uint64_t(x0) * 4 * bytes, across * uint64_t(groups), element, bytes);
+        y += 4 * groups;
         continue;
       }
+      if (!packed) fillElements(row, chunk, element, bytes);
+      packed = true;
       for (uint32_t x = 0; x < width; x += chunk) writeRow(s, uint32_t(x0) + x, uint32_t(y), std::min(chunk, width - x), row);
       ++y;
     }

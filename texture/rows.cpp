@@ -124,16 +124,17 @@ void fillElements(std::byte* out, uint64_t count, const std::byte* element, uint
     std::memset(out, int(element[0]), bytes);
     return;
   }
-  // A pattern of 32 elements, or as many as there are, is a whole number of vectors; copies of it follow.
+  // A vector of elements, or 32 of them, or as many as there are; copies of it follow.
   alignas(16) std::byte pattern[32 * 32];
-  const uint64_t unit = std::min<uint64_t>(32 * uint64_t(elementBytes), bytes);
+  const bool fits = std::has_single_bit(elementBytes) && elementBytes <= 32;
+  const uint64_t unit = std::min<uint64_t>(fits ? 32 : 32 * uint64_t(elementBytes), bytes);
   std::memcpy(pattern, element, elementBytes);
   for (uint64_t done = elementBytes; done < unit;) {
     const uint64_t more = std::min(done, unit - done);
     std::memcpy(pattern + done, pattern, more);
     done += more;
   }
-  if (std::has_single_bit(elementBytes) && unit >= 32) return fillBytes(out, bytes, pattern, store);
+  if (fits && unit == 32) return fillBytes(out, bytes, pattern, store);
   for (; bytes >= unit; bytes -= unit, out += unit) std::memcpy(out, pattern, unit);
   std::memcpy(out, pattern, bytes);
 }
