@@ -36,6 +36,7 @@ struct Swapchain {
   std::byte* memory = nullptr;
   uint64_t memoryBytes = 0, imageBytes = 0;
   uint32_t pending = 0;  //!< presents on their way
+  uint32_t watchers = 0; //!< threads that wait for a present to be over
   bool retired = false, resized = false, lost = false;
   // Of the list of claimed windows, and guarded by its mutex
   Swapchain *previous = nullptr, *next = nullptr;
@@ -131,11 +132,14 @@ void Swapchain::present(SyncHub& hub, uint32_t index) {
     } catch (const std::bad_alloc&) {
       base::logError("out of memory: a frame is not shown");
     }
-  hub.update([&] {
+  const bool watched = hub.read([&] {
     images[index].busy = false;
     pending--;
     note(state);
+    return watchers > 0;
   });
+  // Whoever waits for something else, a fence mostly, sleeps on.
+  if (watched) hub.update([] {});
 }
 
 namespace {
@@ -222,7 +226,10 @@ VkResult acquire(VkSwapchainKHR handle, uint64_t timeout, VkSemaphore semaphore,
       }
     return false;
   };
-  if (VkResult waited = hub(s).waitOrLost(timeout, ready)) return waited == VK_TIMEOUT && !timeout ? VK_NOT_READY : waited;
+  hub(s).read([&] { s.watchers++; });
+  const VkResult waited = hub(s).waitOrLost(timeout, ready);
+  hub(s).read([&] { s.watchers--; });
+  if (waited) return waited == VK_TIMEOUT && !timeout ? VK_NOT_READY : waited;
   if (result >= 0 && (semaphore || fence)) hub(s).update([] {});
   return result;
 }
@@ -256,6 +263,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSwapchainKHR(VkDevice handle, const VkSwa
 VKAPI_ATTR void VKAPI_CALL vkDestroySwapchainKHR(VkDevice device, VkSwapchainKHR handle,
                                                  const VkAllocationCallbacks* callbacks) {
   if (Swapchain* s = from(handle)) {
+    hub(*s).read([&] { s->watchers++; });   // for as long as it lives
     hub(*s).wait(~0ull, [&] { return !s->pending; });
     from(device)->destroy(callbacks, s);
   }
