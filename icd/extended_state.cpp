@@ -125,7 +125,7 @@ std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const Extende
     const base::ScopedFpEnv environment;
     pipeline::GraphicsState state = state_;
     apply(state, mask_, values);
-    auto made = pipeline::createGraphicsPipeline(std::move(state), layout_, vertex_, state.rasterizerDiscard ? nullptr : fragment_);
+    auto made = pipeline::createGraphicsPipeline(std::move(state), layout_, vertex_, state.rasterizerDiscard ? nullptr : fragment_, keeping_);
     if (!made) {
       base::logError("a draw with dynamic state: %s", made.error().message.c_str());
       return nullptr;

@@ -54,8 +54,8 @@ struct ExtendedState {
 class PipelineFamily {
  public:
   PipelineFamily(uint32_t mask, pipeline::GraphicsState state, std::shared_ptr<const pipeline::Layout> layout,
-                 std::shared_ptr<const frontend::Shader> vertex, std::shared_ptr<const frontend::Shader> fragment)
-      : mask_(mask), state_(std::move(state)), layout_(std::move(layout)), vertex_(std::move(vertex)), fragment_(std::move(fragment)) {}
+                 std::shared_ptr<const frontend::Shader> vertex, std::shared_ptr<const frontend::Shader> fragment, pipeline::Keeping keeping)
+      : mask_(mask), state_(std::move(state)), layout_(std::move(layout)), vertex_(std::move(vertex)), fragment_(std::move(fragment)), keeping_(std::move(keeping)) {}
   //! The member for these values; null (and a logged reason) if it cannot be made. Thread-safe.
   std::shared_ptr<pipeline::GraphicsPipeline> member(const ExtendedState& values);
 
@@ -66,6 +66,7 @@ class PipelineFamily {
   pipeline::GraphicsState state_;
   std::shared_ptr<const pipeline::Layout> layout_;
   std::shared_ptr<const frontend::Shader> vertex_, fragment_;
+  pipeline::Keeping keeping_;
   std::mutex mutex_;
   std::map<std::string, std::shared_ptr<pipeline::GraphicsPipeline>> members_;
 };

@@ -14,12 +14,15 @@
 namespace pumice::icd {
 namespace {
 
+enum class Content : uint32_t { Shader, Routines };
 struct EntryHeader {
   uint64_t key[2];
   uint64_t checksum;
   uint32_t size;
+  Content content;
 };
-constexpr size_t kEntryHeader = 28;   // without the padding
+constexpr size_t kEntryHeader = sizeof(EntryHeader);
+static_assert(kEntryHeader == 32);
 
 void put(std::byte*& to, const void* from, size_t size) {
   std::memcpy(to, from, size);
@@ -100,7 +103,13 @@ void PipelineCache::load(const VkPhysicalDeviceProperties& device, std::span<con
     if (entry.size > blob.size()) return;
     const auto content = blob.first(entry.size);
     blob = blob.subspan(entry.size);
-    if (checksumOf(content) == entry.checksum) entries_[{entry.key[0], entry.key[1]}].bytes.assign(content.begin(), content.end());
+    if (checksumOf(content) != entry.checksum) continue;
+    const std::array<uint64_t, 2> key{entry.key[0], entry.key[1]};
+    if (entry.content == Content::Shader) {
+      entries_[key].bytes.assign(content.begin(), content.end());
+    } else if (entry.content == Content::Routines) {
+      if (auto routines = pipeline::SavedPipeline::fromBytes(content)) routines_->insert(key, std::move(routines));
+    }
   }
 }
 
@@ -124,6 +133,7 @@ void PipelineCache::merge(PipelineCache& other) {
   if (&other == this) return;
   std::scoped_lock lock(mutex_, other.mutex_);
   for (const auto& [key, entry] : other.entries_) entries_.try_emplace(key, entry);
+  routines_->merge(*other.routines_);
 }
 
 VkResult PipelineCache::write(const VkPhysicalDeviceProperties& device, size_t& size, std::byte* out) {
@@ -134,6 +144,11 @@ VkResult PipelineCache::write(const VkPhysicalDeviceProperties& device, size_t& 
   for (auto& [key, entry] : entries_) {
     if (entry.bytes.empty()) entry.bytes = frontend::toBytes(*entry.shader);
     needed += kEntryHeader + entry.bytes.size();
+  }
+  std::vector<std::pair<ShaderKey, std::vector<std::byte>>> routines;
+  for (const auto& [key, pipeline] : routines_->pipelines()) {
+    routines.emplace_back(key, pipeline->toBytes());
+    needed += kEntryHeader + routines.back().second.size();
   }
   if (!out) {
     size = needed;
@@ -146,20 +161,18 @@ VkResult PipelineCache::write(const VkPhysicalDeviceProperties& device, size_t& 
   }
   std::byte* at = out;
   put(at, &header, sizeof header);
-  for (const auto& [key, entry] : entries_) {
-    if (kEntryHeader + entry.bytes.size() > size - size_t(at - out)) {
-      size = size_t(at - out);
-      return VK_INCOMPLETE;
-    }
-    const uint64_t checksum = checksumOf(entry.bytes);
-    const uint32_t bytes = uint32_t(entry.bytes.size());
-    put(at, key.data(), 16);
-    put(at, &checksum, 8);
-    put(at, &bytes, 4);
-    put(at, entry.bytes.data(), entry.bytes.size());
-  }
+  const auto putEntry = [&](const ShaderKey& key, Content content, const std::vector<std::byte>& bytes) {
+    if (kEntryHeader + bytes.size() > size - size_t(at - out)) return false;
+    const EntryHeader entry{{key[0], key[1]}, checksumOf(bytes), uint32_t(bytes.size()), content};
+    put(at, &entry, kEntryHeader);
+    put(at, bytes.data(), bytes.size());
+    return true;
+  };
+  bool whole = true;
+  for (const auto& [key, entry] : entries_) whole = whole && putEntry(key, Content::Shader, entry.bytes);
+  for (const auto& [key, bytes] : routines) whole = whole && putEntry(key, Content::Routines, bytes);
   size = size_t(at - out);
-  return VK_SUCCESS;
+  return whole ? VK_SUCCESS : VK_INCOMPLETE;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreatePipelineCache(VkDevice handle, const VkPipelineCacheCreateInfo* info, const VkAllocationCallbacks* callbacks, VkPipelineCache* out) {

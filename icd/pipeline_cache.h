@@ -1,8 +1,10 @@
-// VkPipelineCache: translated and optimised shaders (lane IR) by what they were made from. What comes from the
-// application's hands is IR that is verified before use, never machine code.
+// VkPipelineCache: translated and optimised shaders (lane IR) by what they were made from, and the routines that pipelines
+// linked them into (pipeline/saved_routines.h). What comes from the application's hands is IR that is verified before use,
+// never machine code.
 //
 // The blob: VkPipelineCacheHeaderVersionOne, whose UUID is of this very build of the driver, then entries of
-//   key (16 bytes), checksum of the content (8), size of the content (4), content (frontend/shader_bytes.h).
+//   key (16 bytes), checksum of the content (8), size of the content (4), what it is (4), content (frontend/shader_bytes.h,
+//   or pipeline::SavedPipeline).
 #pragma once
 
 #include <array>
@@ -11,6 +13,7 @@
 #include <vector>
 
 #include "icd/device.h"
+#include "pipeline/saved_routines.h"
 #include "spirv_interp/frontend/shader.h"
 
 namespace pumice::icd {
@@ -34,6 +37,8 @@ class PipelineCache {
   void merge(PipelineCache& other);
   //! Writes as many whole entries as fit and sets `size`. Null `out`: the size of everything.
   VkResult write(const VkPhysicalDeviceProperties& device, size_t& size, std::byte* out);
+  //! Outlives the cache where pipelines still leave routines.
+  const std::shared_ptr<pipeline::PipelineStore>& routines() const { return routines_; }
 
  private:
   struct Entry {
@@ -42,6 +47,7 @@ class PipelineCache {
   };
   std::mutex mutex_;
   std::map<ShaderKey, Entry> entries_;
+  std::shared_ptr<pipeline::PipelineStore> routines_ = std::make_shared<pipeline::PipelineStore>();
 };
 
 PUMICE_HANDLE(PipelineCache, VkPipelineCache)

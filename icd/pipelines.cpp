@@ -10,6 +10,7 @@
 #include "icd/descriptors.h"
 #include "icd/pipeline_cache.h"
 #include "icd/render_pass.h"
+#include "spirv_interp/ir/checks.h"
 
 namespace pumice::icd {
 namespace {
@@ -59,13 +60,15 @@ struct Making {
   bool refused = false;             //!< something had to be translated and might not
   uint32_t stages = 0, hits = 0;
   VkPipelineCreationFeedback feedback[8] = {};   //!< of the stages, in the order of the create-info
+  //! Where routines are left. What PUMICE_CHECK watches is the interpreter's, and not worth it.
+  std::shared_ptr<pipeline::PipelineStore> keeps() const { return cache && !ir::wantedChecks() ? cache->routines() : nullptr; }
 };
 
 uint64_t nanosecondsSince(std::chrono::steady_clock::time_point start) {
   return uint64_t(std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now() - start).count());
 }
 
-ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32_t number, Making& making) {
+ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32_t number, Making& making, ShaderKey& key) {
   const auto start = std::chrono::steady_clock::now();
   making.stages++;
   auto done = [&](VkPipelineCreationFeedbackFlags flags) {
@@ -79,7 +82,6 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32
       auto* data = static_cast<const std::byte*>(info->pData) + e.offset;
       constants.push_back({e.constantID, {data, data + e.size}});
     }
-  ShaderKey key{};
   if (making.cache) {
     key = shaderKey(wordsKeyOf(stage), stageOf(stage.stage), stage.pName, constants);
     if (auto found = making.cache->find(key); found && found->stage == stageOf(stage.stage)) {
@@ -208,31 +210,33 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
   if (robustness && robustness->vertexInputs != VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_DEVICE_DEFAULT_EXT)
     state.wholeAttributes = robustness->vertexInputs == VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_ROBUST_BUFFER_ACCESS_2_EXT;
   std::shared_ptr<const frontend::Shader> vertex, fragment;
+  pipeline::Keeping keeping{.store = making.keeps()};
   for (uint32_t i = 0; i < info.stageCount; i++) {
     const auto& stage = info.pStages[i];
     if (stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT && state.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) continue;
     auto* slot = stage.stage == VK_SHADER_STAGE_VERTEX_BIT ? &vertex : stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT ? &fragment : nullptr;
     if (!slot) return base::Error{"tessellation and geometry stages are not supported"};
-    auto shader = translateStage(stage, i, making);
+    auto shader = translateStage(stage, i, making, slot == &vertex ? keeping.vertex : keeping.fragment);
     if (!shader) return std::move(shader).error();
     *slot = *shader;
   }
   if (!vertex) return base::Error{"a graphics pipeline needs a vertex shader"};
   auto layout = from(info.layout)->layout;
-  if (extended) out.family = std::make_unique<PipelineFamily>(extended, state, layout, vertex, fragment);
+  if (extended) out.family = std::make_unique<PipelineFamily>(extended, state, layout, vertex, fragment, keeping);
   // Which attributes there are is not known yet.
   if (extended & kDynamicVertexInput) return {};
   // A family is tried with the static values, so that what cannot work fails here and not at a draw.
-  auto made = pipeline::createGraphicsPipeline(std::move(state), std::move(layout), std::move(vertex), std::move(fragment));
+  auto made = pipeline::createGraphicsPipeline(std::move(state), std::move(layout), std::move(vertex), std::move(fragment), keeping);
   if (!made) return std::move(made).error();
   if (!extended) out.graphics = *made;
   return {};
 }
 
 base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkComputePipelineCreateInfo& info, Making& making) {
-  auto shader = translateStage(info.stage, 0, making);
+  pipeline::Keeping keeping{.store = making.keeps()};
+  auto shader = translateStage(info.stage, 0, making, keeping.vertex);
   if (!shader) return std::move(shader).error();
-  return pipeline::createComputePipeline(from(info.layout)->layout, *shader);
+  return pipeline::createComputePipeline(from(info.layout)->layout, *shader, pipeline::defaultNumerics(), keeping);
 }
 
 // Fills VkPipelineCreationFeedbackCreateInfo of a pipeline.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "pipeline/expander.h"
+#include "pipeline/saved_routines.h"
 #include "pipeline/variants.h"
 
 namespace pumice::pipeline {
@@ -16,13 +17,9 @@ class GraphicsPipeline {
   VisibilityTraits visibility;
   Variants<VertexKey, VertexRoutine> vertexVariants;
   Variants<FragmentKey, FragmentRoutine> fragmentVariants;
+  std::shared_ptr<SavedPipeline> saved;   //!< null: routines are not kept
 };
 
-struct ComputeKey {
-  ir::Numerics numerics = ir::Numerics::F32;
-  std::vector<ImageState> images;
-  bool operator==(const ComputeKey&) const = default;
-};
 inline uint64_t hashKey(const ComputeKey& k) { return base::hashCombine(uint64_t(k.numerics), hashImages(k.images)); }
 
 class ComputePipeline {
@@ -32,12 +29,17 @@ class ComputePipeline {
   ir::Numerics numerics = ir::Numerics::F32;
   ImageUses images;
   Variants<ComputeKey, ComputeRoutine> variants;
+  std::shared_ptr<SavedPipeline> saved;
 };
 
 base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
 base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
 VisibilityTraits visibilityTraits(const GraphicsPipeline& pipeline);
 base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
+//! The same from what was saved; null where there is nothing, or nothing sound.
+std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
+std::shared_ptr<FragmentRoutine> restoreFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
+std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
 
 //! A vertex attribute as the shader sees it: four components of the location's format, f32 or (integer formats) i32.
 //! `checked`: PUMICE_CHECK looks whether the buffer holds it.

@@ -48,19 +48,11 @@ std::string invocationText(const interp::ExecContext& context, uint32_t lane) {
 
 }  // namespace
 
-base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
+static uint64_t groupSize(const frontend::Shader& shader) { return uint64_t(shader.localSize[0]) * shader.localSize[1] * shader.localSize[2]; }
+
+static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeline& pipeline, const ComputeKey& key, const ir::Function& f) {
   const frontend::Shader& shader = *pipeline.shader;
-  const uint64_t invocations = uint64_t(shader.localSize[0]) * shader.localSize[1] * shader.localSize[2];
-  ir::Function f;
-  f.name = "compute routine";
-  f.sharedBytes = shader.function.sharedBytes;
-  ir::Builder b(f);
-  ComputeExpander expander(pipeline, key);
-  ir::inlineShader(b, shader.function, expander);
-  if (!expander.error().empty()) return base::Error{expander.error()};
-  if (invocations == 0 || invocations > kMaxGroupInvocations)
-    return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
-  auto code = finishRoutine(f, key.numerics, {"compute shader \"" + shader.function.name + "\"", invocationText});
+  auto code = compileRoutine(f, key.numerics, {"compute shader \"" + shader.function.name + "\"", invocationText});
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<ComputeRoutine>();
   routine->code = std::move(code).value();
@@ -74,8 +66,40 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
     atomics |= i.op == Op::Atomic || i.op == Op::AtomicCas || (i.op == Op::Load && (i.flags & ir::kInstVolatile));
   }
   // The rows of a group may wait for each other.
-  if (loops && atomics && invocations > interp::kMaxLanes) routine->groupsApart = true;
+  if (loops && atomics && groupSize(shader) > interp::kMaxLanes) routine->groupsApart = true;
   return routine;
+}
+
+std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
+  if (!pipeline.saved) return nullptr;
+  Surroundings s;
+  s.inputs.assign(6, Type::I32);
+  s.workGroup = true;
+  auto saved = pipeline.saved->find(savedKey(key), s);
+  if (!saved || groupSize(*pipeline.shader) > kMaxGroupInvocations) return nullptr;
+  saved->function.sharedBytes = pipeline.shader->function.sharedBytes;
+  auto made = compile(pipeline, key, saved->function);
+  if (!made) return nullptr;
+  countRestored();
+  return std::move(made).value();
+}
+
+base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
+  if (auto restored = restoreComputeRoutine(pipeline, key)) return restored;
+  const frontend::Shader& shader = *pipeline.shader;
+  const uint64_t invocations = groupSize(shader);
+  ir::Function f;
+  f.name = "compute routine";
+  f.sharedBytes = shader.function.sharedBytes;
+  ir::Builder b(f);
+  ComputeExpander expander(pipeline, key);
+  ir::inlineShader(b, shader.function, expander);
+  if (!expander.error().empty()) return base::Error{expander.error()};
+  if (invocations == 0 || invocations > kMaxGroupInvocations)
+    return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
+  PUMICE_TRY(finishRoutine(f));
+  if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, 0);
+  return compile(pipeline, key, f);
 }
 
 }  // namespace pumice::pipeline

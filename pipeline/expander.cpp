@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "pipeline/saved_routines.h"
 #include "spirv_interp/jit/engine.h"
 
 namespace pumice::pipeline {
@@ -221,10 +222,15 @@ std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& o
   return results;
 }
 
-base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked,
-                                                                  bool wholeBlocks) {
+base::Status finishRoutine(ir::Function& f) {
   if (std::string why = ir::verify(f); !why.empty()) return base::errorf("%s: made invalid IR: %s", f.name.c_str(), why.c_str());
   ir::optimise(f);
+  countLinked();
+  return {};
+}
+
+base::Result<std::unique_ptr<interp::Executable>> compileRoutine(const ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked,
+                                                                   bool wholeBlocks) {
   interp::CompileOptions options;
   options.numerics = numerics;
   options.checked = std::move(checked);

@@ -62,9 +62,10 @@ class StageExpander : public ir::Expander {
   std::string error_;
 };
 
-//! Verifies, optimises and compiles a finished routine.
-base::Result<std::unique_ptr<interp::Executable>> finishRoutine(ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked = {},
-                                                                  bool wholeBlocks = false);
+//! Verifies and optimises a routine whose expansion is complete.
+base::Status finishRoutine(ir::Function& f);
+base::Result<std::unique_ptr<interp::Executable>> compileRoutine(const ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked = {},
+                                                                   bool wholeBlocks = false);
 
 //! A copy of the shader's function in which memory is only changed where `helper.mask` is false.
 ir::Function guardEffects(const ir::Function& f);

@@ -348,17 +348,94 @@ static std::string pixelText(const interp::ExecContext& context, uint32_t lane) 
   return text;
 }
 
-base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
+namespace {
+
+//! SavedRoutine::traits
+enum MadeTraits : uint32_t {
+  kPresent = 1,        //!< it has an effect
+  kReadsRecord = 2,
+  kReadsInverseW = 4,
+};
+
+base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& pipeline, const FragmentKey& key, const SavedRoutine& made) {
   const GraphicsState& state = pipeline.state;
   const frontend::Shader* shader = pipeline.fragment.get();
   const ShaderTraits t = traits(state, shader);
   auto routine = std::make_shared<FragmentRoutine>();
   routine->varyings = pipeline.link.varyings;
-  const bool wide = routine->wide = key.numerics == ir::Numerics::Oracle;
+  routine->wide = key.numerics == ir::Numerics::Oracle;
   routine->needsHelpers = t.needsHelpers;
   routine->perSample = t.perSample;
+  routine->present = made.traits & kPresent;
+  const ir::Function& f = made.function;
+  if (key.rows == Rows::Any && key.numerics == ir::Numerics::F32 &&
+      std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
+    const uint32_t allSamples = (1u << state.samples) - 1;
+    const bool masked = (state.sampleMask & allSamples) != allSamples;
+    const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics && !state.decisions;
+    const bool oneColor = wholeOnes && state.samples > 1 && (key.settled || pipeline.visibility.oneColor);
+    const bool readsW = made.traits & kReadsInverseW;
+    const bool wanted[kRowKinds] = {false, !(disabledIdeas() & bit(Idea::OneRecord)) && (made.traits & kReadsRecord), wholeOnes, wholeOnes && readsW,
+                                    oneColor, oneColor && readsW};
+    for (uint32_t kind = 1; kind < kRowKinds; ++kind) {
+      if (!wanted[kind]) continue;
+      routine->siblings[kind] = std::make_unique<FragmentRoutine::Sibling>();
+      routine->siblings[kind]->make = [&pipeline, other = key, kind]() mutable -> std::unique_ptr<FragmentRoutine> {
+        other.rows = Rows(kind);
+        auto sibling = buildFragmentRoutine(pipeline, other);
+        if (!sibling) base::logError("fragment routine for rows of a kind: %s", sibling.error().message.c_str());
+        return sibling ? std::make_unique<FragmentRoutine>(std::move(**sibling)) : nullptr;
+      };
+    }
+  }
+  auto code = compileRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText}, key.rows >= Rows::Whole);
+  if (!code) return std::move(code).error();
+  routine->code = std::move(code).value();
+  return routine;
+}
 
-  ir::Function f;
+Surroundings surroundings(const GraphicsPipeline& pipeline, const FragmentKey& key) {
+  const GraphicsState& state = pipeline.state;
+  const bool perSample = traits(state, pipeline.fragment.get()).perSample, wide = key.numerics == ir::Numerics::Oracle;
+  Surroundings s;
+  s.inputs = {Type::F32, Type::F32, Type::I32};
+  if (perSample) s.inputs.insert(s.inputs.end(), {Type::I32, Type::F32, Type::F32});
+  s.outputs = {key.countSamples ? Type::I32 : Type::None, key.statistics ? Type::I32 : Type::None};
+  s.recordBytes = (wide ? raster::wideRecordBytes : raster::recordBytes)(uint32_t(pipeline.link.varyings.size()));
+  s.oneRecord = key.rows != Rows::Any;
+  s.planes.resize(kRowPlanes);
+  const texture::FormatInfo* depthFormat = texture::formatInfo(state.depthStencilFormat);
+  for (uint32_t sample = 0; sample < (perSample ? 1 : state.samples); ++sample) {
+    for (uint32_t a = 0; a < state.colorCount; ++a)
+      if (writesColor(state, a)) s.planes[colorPlane(a, sample, state.samples)] = texture::formatInfo(state.colorFormats[a])->elementBytes;
+    if (depthFormat && depthFormat->hasDepth() && (state.depthTest || state.depthBoundsTest)) s.planes[depthPlane(sample, state.samples)] = depthFormat->elementBytes;
+    if (depthFormat && depthFormat->hasStencil() && state.stencilTest) s.planes[stencilPlane(sample, state.samples)] = 1;
+    if (state.decisions) s.planes[decisionPlane(sample, state.samples)] = 4;
+  }
+  return s;
+}
+
+}  // namespace
+
+std::shared_ptr<FragmentRoutine> restoreFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
+  if (!pipeline.saved) return nullptr;
+  const auto saved = pipeline.saved->find(savedKey(key), surroundings(pipeline, key));
+  if (!saved) return nullptr;
+  auto made = compile(pipeline, key, *saved);
+  if (!made) return nullptr;
+  countRestored();
+  return std::move(made).value();
+}
+
+base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
+  if (auto restored = restoreFragmentRoutine(pipeline, key)) return restored;
+  const GraphicsState& state = pipeline.state;
+  const frontend::Shader* shader = pipeline.fragment.get();
+  const ShaderTraits t = traits(state, shader);
+  const bool wide = key.numerics == ir::Numerics::Oracle;
+
+  SavedRoutine made;
+  ir::Function& f = made.function;
   f.name = "fragment routine";
   ir::Builder b(f);
   const frontend::Shader none;
@@ -468,35 +545,18 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   if (depthFormat && depthFormat->hasDepth()) effects |= state.depthTest && state.depthWrite;
   if (depthFormat && depthFormat->hasStencil()) effects |= state.stencilTest;
   for (uint32_t a = 0; a < state.colorCount; ++a) effects |= expander.writes(a);
-  routine->present = effects;
+  if (effects) made.traits |= kPresent;
 
   if (decisions) ir::recordDecisions(f, decisionsFirst, decisionsEnd, decisions);
-  const auto reads = [](const ir::Inst& i) { return i.op == Op::QuadLoad; };
-  const auto readsW = [&](const ir::Inst& i) { return reads(i) && i.imm - planeOffset(kPlaneInverseW) < 12; };
-  if (key.rows != Rows::Any) {
-    for (ir::Inst& i : f.insts)
-      if (reads(i)) i.imm |= ir::kOneRecord;
-  } else if (key.numerics == ir::Numerics::F32 && std::none_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
-    const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics && !decisions;
-    const bool oneColor = wholeOnes && state.samples > 1 && (key.settled || pipeline.visibility.oneColor);
-    const bool wanted[kRowKinds] = {false, !(disabledIdeas() & bit(Idea::OneRecord)) && std::any_of(f.insts.begin(), f.insts.end(), reads),
-                                    wholeOnes, wholeOnes && std::any_of(f.insts.begin(), f.insts.end(), readsW),
-                                    oneColor, oneColor && std::any_of(f.insts.begin(), f.insts.end(), readsW)};
-    for (uint32_t kind = 1; kind < kRowKinds; ++kind) {
-      if (!wanted[kind]) continue;
-      routine->siblings[kind] = std::make_unique<FragmentRoutine::Sibling>();
-      routine->siblings[kind]->make = [&pipeline, other = key, kind]() mutable -> std::unique_ptr<FragmentRoutine> {
-        other.rows = Rows(kind);
-        auto made = buildFragmentRoutine(pipeline, other);
-        if (!made) base::logError("fragment routine for rows of a kind: %s", made.error().message.c_str());
-        return made ? std::make_unique<FragmentRoutine>(std::move(**made)) : nullptr;
-      };
-    }
+  for (ir::Inst& i : f.insts) {
+    if (i.op != Op::QuadLoad) continue;
+    made.traits |= kReadsRecord;
+    if (i.imm - planeOffset(kPlaneInverseW) < 12) made.traits |= kReadsInverseW;
+    if (key.rows != Rows::Any) i.imm |= ir::kOneRecord;
   }
-  auto code = finishRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText}, whole);
-  if (!code) return std::move(code).error();
-  routine->code = std::move(code).value();
-  return routine;
+  PUMICE_TRY(finishRoutine(f));
+  if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, made.traits);
+  return compile(pipeline, key, made);
 }
 
 }  // namespace pumice::pipeline

@@ -357,7 +357,17 @@ namespace {
 void printCompiled() {
   static std::mutex mutex;
   static jit::Statistics before;
+  static RoutineCounts routinesBefore;
+  static uint64_t shadersBefore = 0;
   std::lock_guard lock(mutex);
+  const RoutineCounts routines = routineCounts();
+  const uint64_t shaders = frontend::translations();
+  const auto n = [](uint64_t v) { return static_cast<unsigned long long>(v); };
+  if (const uint64_t translated = shaders - shadersBefore, linked = routines.linked - routinesBefore.linked, restored = routines.restored - routinesBefore.restored;
+      translated || linked || restored)
+    std::fprintf(stderr, "pumice: stats: %llu shaders translated, %llu routines linked and optimised, %llu taken from a pipeline cache\n", n(translated), n(linked), n(restored));
+  shadersBefore = shaders;
+  routinesBefore = routines;
   const jit::Statistics now = jit::statistics();
   if (const uint64_t made = now.emitted - before.emitted, left = now.refused - before.refused; made || left)
     std::fprintf(stderr, "pumice: stats: %llu routines emitted (%llu operations, %llu by call), %llu left to the interpreter\n", static_cast<unsigned long long>(made),

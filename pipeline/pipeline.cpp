@@ -77,7 +77,7 @@ const GraphicsState& graphicsState(const GraphicsPipeline& pipeline) { return pi
 
 base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
                                                                        std::shared_ptr<const frontend::Shader> vertex,
-                                                                       std::shared_ptr<const frontend::Shader> fragment) {
+                                                                       std::shared_ptr<const frontend::Shader> fragment, const Keeping& keeping) {
   if (!vertex) return base::errorf("there is no vertex stage");
   const base::ScopedFpEnv environment;   // constants are folded as routines would compute them
   auto p = std::make_shared<GraphicsPipeline>();
@@ -110,7 +110,28 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
     p->fragmentImages = std::move(images).value();
   }
 
+  if (!p->state.rasterizerDiscard) p->visibility = visibilityTraits(*p);
+  const SavedPipelineKey savedAs = keeping.store ? savedPipelineKey(p->state, *p->layout, keeping.vertex, p->fragment ? keeping.fragment : ShaderIdentity{}) : SavedPipelineKey{};
+  if (keeping.store && (p->saved = keeping.store->find(savedAs))) {
+    // One like it has been made before, so it works. Its routines are made at once, those for rows of a kind as well.
+    const SavedKeys known = p->saved->keys();
+    for (const VertexKey& key : known.vertex)
+      if (auto routine = restoreVertexRoutine(*p, key)) p->vertexVariants.insert(key, std::move(routine));
+    for (const FragmentKey& key : known.fragment) {
+      if (p->state.rasterizerDiscard) break;
+      bool there = false;
+      FragmentKey any = key;
+      any.rows = Rows::Any;
+      if (key.rows == Rows::Any) {
+        if (auto routine = restoreFragmentRoutine(*p, key)) p->fragmentVariants.insert(key, std::move(routine));
+      } else if (auto routine = p->fragmentVariants.find(any, there); routine && routine->hasRows(key.rows)) {
+        routine->restore(key.rows, restoreFragmentRoutine(*p, key));
+      }
+    }
+    return p;
+  }
   // One routine per stage is made now, so that what is not supported is found. Without images it is the very one draws use.
+  if (keeping.store) p->saved = std::make_shared<SavedPipeline>();
   VertexKey vertexKey;
   vertexKey.numerics = p->state.numerics;
   vertexKey.images = p->vertexImages.plausible(*p->vertex, *p->layout);
@@ -118,7 +139,6 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   if (!v) return in("vertex", std::move(v));
   p->vertexVariants.insert(vertexKey, std::move(v).value());
   if (!p->state.rasterizerDiscard) {
-    p->visibility = visibilityTraits(*p);
     FragmentKey key;
     key.numerics = p->state.numerics;
     key.settled = p->visibility.opaque && !(disabledIdeas() & bit(Idea::VisibleFirst));
@@ -127,11 +147,12 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
     if (!f) return in("fragment", std::move(f));
     p->fragmentVariants.insert(key, std::move(f).value());
   }
+  if (p->saved) p->saved = keeping.store->insert(savedAs, p->saved);
   return p;
 }
 
 base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader,
-                                                                     ir::Numerics numerics) {
+                                                                     ir::Numerics numerics, const Keeping& keeping) {
   if (!shader) return base::errorf("there is no compute stage");
   const base::ScopedFpEnv environment;
   auto p = std::make_shared<ComputePipeline>();
@@ -142,10 +163,18 @@ base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared
   auto images = ImageUses::collect(*p->shader, *p->layout);
   if (!images) return in("compute", std::move(images));
   p->images = std::move(images).value();
+  const SavedPipelineKey savedAs = keeping.store ? savedPipelineKey(numerics, *p->layout, keeping.vertex) : SavedPipelineKey{};
+  if (keeping.store && (p->saved = keeping.store->find(savedAs))) {
+    for (const ComputeKey& key : p->saved->keys().compute)
+      if (auto routine = restoreComputeRoutine(*p, key)) p->variants.insert(key, std::move(routine));
+    return p;
+  }
+  if (keeping.store) p->saved = std::make_shared<SavedPipeline>();
   ComputeKey key{p->numerics, p->images.plausible(*p->shader, *p->layout)};
   auto r = buildComputeRoutine(*p, key);
   if (!r) return in("compute", std::move(r));
   p->variants.insert(key, std::move(r).value());
+  if (p->saved) p->saved = keeping.store->insert(savedAs, p->saved);
   return p;
 }
 
@@ -191,6 +220,15 @@ const FragmentRoutine* FragmentRoutine::forRows(Rows kind) const {
     sibling->ready.store(sibling->routine.get(), std::memory_order_release);
   });
   return sibling->ready.load(std::memory_order_acquire);
+}
+
+void FragmentRoutine::restore(Rows kind, std::shared_ptr<FragmentRoutine> routine) const {
+  Sibling* sibling = siblings[size_t(kind)].get();
+  if (!sibling || !routine) return;
+  std::call_once(sibling->once, [&] {
+    sibling->routine = std::make_unique<FragmentRoutine>(std::move(*routine));
+    sibling->ready.store(sibling->routine.get(), std::memory_order_release);
+  });
 }
 
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& p, const DispatchState& dispatch) {

@@ -1,6 +1,7 @@
 // Pipelines as the executors of draws see them, made from Vulkan create-info structs but owning everything they need.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -62,19 +63,25 @@ struct GraphicsState {
   bool decisions = wantedDecisions();  //!< record what fragments decide
 };
 
-struct StageSource {
-  std::shared_ptr<const frontend::Shader> shader;   //!< null where the stage is absent
+//! 128 bits that tell shaders (and what else decides how a pipeline's routines look) apart.
+using ShaderIdentity = std::array<uint64_t, 2>;
+using SavedPipelineKey = std::array<uint64_t, 2>;
+class PipelineStore;
+//! Where a pipeline leaves its routines for pipelines to come (saved_routines.h), and what its shaders are called there.
+struct Keeping {
+  std::shared_ptr<PipelineStore> store;   //!< null: nowhere
+  ShaderIdentity vertex{}, fragment{};    //!< vertex: or compute
 };
 
 //! Variants by routine key live inside; safe to use from several threads. Kept alive by command buffers in flight.
 class GraphicsPipeline;
 base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsState state, std::shared_ptr<const Layout> layout,
                                                                  std::shared_ptr<const frontend::Shader> vertex,
-                                                                 std::shared_ptr<const frontend::Shader> fragment);
+                                                                 std::shared_ptr<const frontend::Shader> fragment, const Keeping& keeping = {});
 const GraphicsState& graphicsState(const GraphicsPipeline& pipeline);
 
 class ComputePipeline;
 base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared_ptr<const Layout> layout, std::shared_ptr<const frontend::Shader> shader,
-                                                                     ir::Numerics numerics = defaultNumerics());
+                                                                     ir::Numerics numerics = defaultNumerics(), const Keeping& keeping = {});
 
 }  // namespace pumice::pipeline

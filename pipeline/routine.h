@@ -69,6 +69,8 @@ struct FragmentRoutine {
   //! The same for rows of a kind: what is read from their one record is then one value for all lanes. Made when so many rows of the
   //! kind have come that it pays. Null until then, and where it does not pay. May be called by any number of threads.
   const FragmentRoutine* forRows(Rows kind) const;
+  //! Takes one that was made in an earlier run.
+  void restore(Rows kind, std::shared_ptr<FragmentRoutine> routine) const;
   //! Whether there may ever be one.
   bool hasRows(Rows kind) const { return siblings[size_t(kind)] != nullptr; }
   struct Sibling {
@@ -114,6 +116,12 @@ struct VisibilityTraits {
 };
 //! What depths are clamped to that may leave the viewport's range (a bias, the shader's own, no clipping; no clamping asked for).
 raster::DepthRange freeDepths(const GraphicsState& state);
+
+struct ComputeKey {
+  ir::Numerics numerics = ir::Numerics::F32;
+  std::vector<ImageState> images;
+  bool operator==(const ComputeKey&) const = default;
+};
 
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {

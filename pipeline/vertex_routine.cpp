@@ -161,7 +161,31 @@ static std::string vertexText(const interp::ExecContext& context, uint32_t lane)
   return text;
 }
 
+static base::Result<std::shared_ptr<VertexRoutine>> compile(const GraphicsPipeline& pipeline, const VertexKey& key, const ir::Function& f) {
+  auto code = compileRoutine(f, key.numerics, {"vertex shader \"" + pipeline.vertex->function.name + "\"", vertexText});
+  if (!code) return std::move(code).error();
+  auto routine = std::make_shared<VertexRoutine>();
+  routine->code = std::move(code).value();
+  routine->rowCount = pipeline.link.rowCount;
+  routine->wide = key.numerics == ir::Numerics::Oracle;
+  return routine;
+}
+
+std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key) {
+  if (!pipeline.saved) return nullptr;
+  Surroundings s;
+  s.inputs = {Type::I32, Type::I32};   // kSlotVertexIndex, kSlotInstanceIndex
+  s.outputs.assign(pipeline.link.rowCount, key.numerics == ir::Numerics::Oracle ? Type::F64 : Type::F32);
+  auto saved = pipeline.saved->find(savedKey(key), s);
+  if (!saved) return nullptr;
+  auto made = compile(pipeline, key, saved->function);
+  if (!made) return nullptr;
+  countRestored();
+  return std::move(made).value();
+}
+
 base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key) {
+  if (auto restored = restoreVertexRoutine(pipeline, key)) return restored;
   ir::Function f;
   f.name = "vertex routine";
   ir::Builder b(f);
@@ -179,13 +203,9 @@ base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPi
   expander.writeRows(b);
   if (!expander.error().empty()) return base::Error{expander.error()};
   if (decisions) ir::recordDecisions(f, first, end, decisions);
-  auto code = finishRoutine(f, key.numerics, {"vertex shader \"" + pipeline.vertex->function.name + "\"", vertexText});
-  if (!code) return std::move(code).error();
-  auto routine = std::make_shared<VertexRoutine>();
-  routine->code = std::move(code).value();
-  routine->rowCount = pipeline.link.rowCount;
-  routine->wide = key.numerics == ir::Numerics::Oracle;
-  return routine;
+  PUMICE_TRY(finishRoutine(f));
+  if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, 0);
+  return compile(pipeline, key, f);
 }
 
 }  // namespace pumice::pipeline

@@ -1,7 +1,10 @@
 // Every scene of the gallery, drawn by the driver under test and by lavapipe.
+#include "cts_subset/harness/canvas.h"
 #include "cts_subset/harness/oracle.h"
 #include "cts_subset/tests/world.h"
 
+#include <array>
+#include <cstdio>
 #include <cstdlib>
 #include <iostream>
 #include <map>
@@ -95,6 +98,62 @@ TEST_P(Gallery, AgreesWithOracle) {
   const OracleError wrong = oracleError(broken, oracle.picture, {}, {}, bound.units);
   EXPECT_TRUE(double(wrong.beyond) > bound.share * double(d.pixels) || wrong.depth > 1.0 / 65535)
       << "'" << scene().broken << "' is within the bound: " << wrong.beyond << " pixels beyond " << bound.units;
+}
+
+//! The scene, with a pipeline cache that begins with `blob`. What the cache holds afterwards takes its place.
+Picture renderCached(Device& device, const Scene& scene, std::vector<std::byte>& blob) {
+  VkPipelineCacheCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO;
+  info.initialDataSize = blob.size();
+  info.pInitialData = blob.data();
+  check(vkCreatePipelineCache(device.handle, &info, nullptr, &device.pipelineCache), "vkCreatePipelineCache");
+  Picture picture = scene.render(device, Variant::kGood);
+  size_t size = 0;
+  check(vkGetPipelineCacheData(device.handle, device.pipelineCache, &size, nullptr), "vkGetPipelineCacheData");
+  blob.resize(size);
+  check(vkGetPipelineCacheData(device.handle, device.pipelineCache, &size, blob.data()), "vkGetPipelineCacheData");
+  vkDestroyPipelineCache(device.handle, device.pipelineCache, nullptr);
+  device.pipelineCache = VK_NULL_HANDLE;
+  return picture;
+}
+
+// A run that begins with the pipeline cache of an earlier one translates no shader and links no routine, and draws the same.
+TEST_P(Gallery, ASecondRunOnlyEmits) {
+  PUMICE_NEED_TESTED();
+  if (testedDeviceName() != "Pumice") GTEST_SKIP() << "only Pumice counts what it does";
+  if (!scene().supported(*world().tested)) GTEST_SKIP() << scene().name << ": not reported as supported by the device";
+  const Picture usual = scene().render(*world().tested, Variant::kGood);
+  std::vector<std::byte> blob;
+  const Picture first = renderCached(*world().tested, scene(), blob), second = renderCached(*world().tested, scene(), blob);
+  EXPECT_TRUE(first.rgba == usual.rgba && first.depth == usual.depth) << "a cache changes bits";
+  EXPECT_TRUE(second.rgba == usual.rgba && second.depth == usual.depth) << "what is found in a cache changes bits";
+
+  // What is printed of a run, of its last pass at the latest.
+  setenv("PUMICE_STATS", "1", 1);
+  auto counted = std::make_unique<Device>(world().tested->physical);
+  const auto run = [&] {
+    testing::internal::CaptureStderr();
+    renderCached(*counted, scene(), blob);
+    Canvas(*counted, 1, 1).draw({0, 0, 0, 1}, [](VkCommandBuffer) {});
+    uint64_t sums[3] = {};
+    const std::string printed = testing::internal::GetCapturedStderr();
+    for (size_t at = 0; (at = printed.find("pumice: stats: ", at)) != std::string::npos; ++at) {
+      unsigned long long n[3];
+      if (std::sscanf(printed.c_str() + at, "pumice: stats: %llu shaders translated, %llu routines linked and optimised, %llu taken", n, n + 1, n + 2) != 3) continue;
+      for (int i = 0; i < 3; ++i) sums[i] += n[i];
+    }
+    return std::array<uint64_t, 3>{sums[0], sums[1], sums[2]};
+  };
+  const bool clearsOnly = blob.size() <= sizeof(VkPipelineCacheHeaderVersionOne);
+  blob.clear();
+  const auto cold = run(), warm = run();
+  unsetenv("PUMICE_STATS");
+  if (clearsOnly) return;
+  EXPECT_GT(cold[0], 0u) << "shaders translated by the first run";
+  EXPECT_GT(cold[1], 0u) << "routines linked by the first run";
+  EXPECT_EQ(warm[0], 0u) << "shaders translated by the second run";
+  EXPECT_EQ(warm[1], 0u) << "routines linked by the second run";
+  EXPECT_GT(warm[2], 0u) << "routines taken from the cache";
 }
 
 std::vector<size_t> sceneNumbers() {

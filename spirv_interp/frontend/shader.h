@@ -89,5 +89,7 @@ base::Status validity(const Module& module);
 //! Errors name what is invalid or not supported (opcode, capability) and where.
 base::Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,
                                                std::span<const SpecializationConstant> specialization);
+//! Calls of translate() since the process started.
+uint64_t translations();
 
 }  // namespace pumice::frontend

@@ -1,76 +1,15 @@
 #include "spirv_interp/frontend/shader_bytes.h"
 
-#include <cstring>
-#include <type_traits>
+#include "spirv_interp/ir/bytes.h"
+#include "spirv_interp/ir/passes.h"
 
 namespace pumice::frontend {
 namespace {
 
 // A new field of these belongs into fields() below, and changes the version. (One that fits into padding is not noticed.)
-static_assert(sizeof(ir::Inst) == 24 && sizeof(ir::ImageOpInfo) == 28 && sizeof(ir::Function) == 112 && sizeof(InterfaceVariable) == 40 &&
-              sizeof(Resource) == 32 && sizeof(Shader) == 264);
+static_assert(sizeof(InterfaceVariable) == 40 && sizeof(Resource) == 32 && sizeof(Shader) == 264);
 
-// One description of the fields serves both directions.
-class Writer {
- public:
-  static constexpr bool kReads = false;
-  template <typename T>
-  void value(const T& v) {
-    static_assert(std::is_trivially_copyable_v<T>);
-    const auto* p = reinterpret_cast<const std::byte*>(&v);
-    bytes.insert(bytes.end(), p, p + sizeof v);
-  }
-  void size(size_t& n, size_t) { value(uint32_t(n)); }
-  std::vector<std::byte> bytes;
-  bool ok = true;
-};
-
-class Reader {
- public:
-  static constexpr bool kReads = true;
-  explicit Reader(std::span<const std::byte> b) : rest(b) {}
-  template <typename T>
-  void value(T& v) {
-    if (rest.size() < sizeof v) {
-      ok = false;
-      return;
-    }
-    if constexpr (std::is_same_v<T, bool>) {
-      v = rest[0] != std::byte(0);   // other bytes than 0 and 1 are no bool
-    } else {
-      std::memcpy(&v, rest.data(), sizeof v);
-    }
-    rest = rest.subspan(sizeof v);
-  }
-  //! A count of elements that take at least so many bytes each: what is not there is not allocated.
-  void size(size_t& n, size_t elementBytes) {
-    uint32_t stored = 0;
-    value(stored);
-    if (!ok || stored > rest.size() / elementBytes) ok = false, stored = 0;
-    n = stored;
-  }
-  std::span<const std::byte> rest;
-  bool ok = true;
-};
-
-template <typename A, typename T, typename Each>
-void list(A& a, std::vector<T>& items, size_t elementBytes, Each&& each) {
-  size_t n = items.size();
-  a.size(n, elementBytes);
-  if constexpr (A::kReads) items.assign(n, T{});
-  for (T& item : items) {
-    each(item);
-    if (!a.ok) return;
-  }
-}
-
-template <typename A>
-void text(A& a, std::string& s) {
-  size_t n = s.size();
-  a.size(n, 1);
-  if constexpr (A::kReads) s.resize(n);
-  for (char& c : s) a.value(c);
-}
+using ir::list, ir::text;
 
 template <typename A>
 void fields(A& a, InterfaceVariable& v) {
@@ -85,36 +24,16 @@ void fields(A& a, Resource& r) {
 }
 
 template <typename A>
-void fields(A& a, ir::Inst& i) {
-  a.value(i.op), a.value(i.type), a.value(i.rate), a.value(i.flags), a.value(i.firstOperand), a.value(i.operandCount), a.value(i.line), a.value(i.imm);
-}
-
-template <typename A>
-void fields(A& a, ir::ImageOpInfo& o) {
-  a.value(o.kind), a.value(o.dim), a.value(o.arrayed), a.value(o.multisampled), a.value(o.implicitLod), a.value(o.atomic), a.value(o.compareExchange);
-  a.value(o.operands), a.value(o.imageResource), a.value(o.samplerResource), a.value(o.texelType), a.value(o.texelSigned), a.value(o.storageFormat);
-}
-
-template <typename A>
-void fields(A& a, ir::Function& f) {
-  text(a, f.name);
-  list(a, f.insts, 24, [&](ir::Inst& i) { fields(a, i); });
-  list(a, f.operandPool, 4, [&](ir::Value& v) { a.value(v); });
-  list(a, f.imageOps, 20, [&](ir::ImageOpInfo& o) { fields(a, o); });
-  a.value(f.sharedBytes);
-}
-
-template <typename A>
 void fields(A& a, Shader& s) {
   a.value(s.stage);
-  fields(a, s.function);
+  ir::fields(a, s.function);
   list(a, s.inputs, 32, [&](InterfaceVariable& v) { fields(a, v); });
   list(a, s.outputs, 32, [&](InterfaceVariable& v) { fields(a, v); });
   list(a, s.inputBuiltIns, 4, [&](uint32_t& b) { a.value(b); });
   list(a, s.resources, 27, [&](Resource& r) { fields(a, r); });
   a.value(s.localSize);
   for (bool* flag : {&s.usesDerivatives, &s.mayDiscard, &s.writesMemory, &s.earlyFragmentTests, &s.writesDepth, &s.usesSampleRate, &s.usesBarrier}) a.value(*flag);
-  list(a, s.sources, 4, [&](std::string& t) { text(a, t); });
+  list(a, s.sources, 1, [&](std::string& t) { text(a, t); });
 }
 
 // --- what is read
@@ -174,21 +93,22 @@ bool sound(const Shader& s) {
 }  // namespace
 
 std::vector<std::byte> toBytes(const Shader& shader) {
-  Writer w;
+  ir::ByteWriter w;
   w.value(kShaderBytesVersion);
   fields(w, const_cast<Shader&>(shader));   // a writer only reads it
   return std::move(w.bytes);
 }
 
 std::shared_ptr<const Shader> fromBytes(std::span<const std::byte> bytes) {
-  Reader r(bytes);
+  ir::ByteReader r(bytes);
   uint32_t version = 0;
   r.value(version);
   if (!r.ok || version != kShaderBytesVersion) return nullptr;
   auto shader = std::make_shared<Shader>();
-  shader->function.insts.clear();
   fields(r, *shader);
-  return r.ok && r.rest.empty() && sound(*shader) ? shader : nullptr;
+  if (!r.ok || !r.rest.empty() || !sound(*shader)) return nullptr;
+  ir::computeRates(shader->function);
+  return shader;
 }
 
 }  // namespace pumice::frontend

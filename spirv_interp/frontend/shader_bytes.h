@@ -7,7 +7,7 @@
 namespace pumice::frontend {
 
 //! Changes with the layout of the bytes; IR and build are the caller's to tell apart.
-constexpr uint32_t kShaderBytesVersion = 1;
+constexpr uint32_t kShaderBytesVersion = 2;
 
 std::vector<std::byte> toBytes(const Shader& shader);
 //! Null when the bytes are not those of a shader that translate() could have made: what is cut off, what the IR's verifier

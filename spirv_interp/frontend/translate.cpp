@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstdarg>
 #include <iterator>
 #include <new>
@@ -315,11 +316,16 @@ base::Status check(const ir::Function& f, const char* when) {
   return base::errorf("internal error in shader \"%s\" %s: %s", f.name.c_str(), when, problem.c_str());
 }
 
+std::atomic<uint64_t> translated;
+
 }  // namespace
+
+uint64_t translations() { return translated; }
 
 Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,
                                                std::span<const SpecializationConstant> specialization) {
   auto where = [&] { return std::string(entryPoint.substr(0, 200)); };
+  ++translated;
   try {
     auto shader = std::make_shared<Shader>();
     Translator translator(module, *shader, specialization);

@@ -139,6 +139,39 @@ TEST(PipelineCache, CachesAreMerged) {
   VK(vkDestroyPipelineCache)(d.handle, all, nullptr);
 }
 
+//! Entries of a blob: where they begin, and whether they are routines.
+struct Entry {
+  size_t at, size;
+  bool routines;
+};
+std::vector<Entry> entriesOf(const std::vector<std::byte>& data) {
+  std::vector<Entry> entries;
+  for (size_t at = 32; at + 32 <= data.size();) {
+    uint32_t words[2];   // size, content
+    std::memcpy(words, data.data() + at + 24, sizeof words);
+    entries.push_back({at, 32 + words[0], words[1] != 0});
+    at += 32 + words[0];
+  }
+  return entries;
+}
+
+TEST(PipelineCache, RoutinesMadeByDrawsAreThere) {
+  TestDevice d;
+  VkPipelineCache cache = makeCache(d);
+  make(d, cache);
+  size_t shaders = 0, routines = 0;
+  const auto data = dataOf(d, cache);
+  for (const Entry& e : entriesOf(data)) ++(e.routines ? routines : shaders);
+  EXPECT_EQ(shaders, 2u);
+  EXPECT_EQ(routines, 1u) << "one pipeline";
+  // The second pipeline of a cache differs in nothing: no entry of its own.
+  make(d, cache);
+  EXPECT_EQ(dataOf(d, cache).size(), data.size());
+  make(d, cache, 0, 0.5f);
+  EXPECT_EQ(entriesOf(dataOf(d, cache)).size(), 5u) << "another specialization is another shader and another pipeline";
+  VK(vkDestroyPipelineCache)(d.handle, cache, nullptr);
+}
+
 TEST(PipelineCache, WhatDoesNotFitIsLeftOutWhole) {
   TestDevice d;
   VkPipelineCache cache = makeCache(d);
@@ -185,8 +218,16 @@ TEST(PipelineCache, ForeignAndDamagedDataIsIgnored) {
     EXPECT_EQ(dataOf(d, changed).size(), 32u) << "byte " << at << " of the header";
     VK(vkDestroyPipelineCache)(d.handle, changed, nullptr);
   }
-  for (size_t at = 32; at < data.size(); at += 97) EXPECT_FALSE(hits(change(at))) << "byte " << at;
-  for (size_t length : {size_t(1), size_t(31), size_t(33), size_t(60), data.size() / 2, data.size() - 1}) EXPECT_FALSE(hits({data.begin(), data.begin() + long(length)})) << length << " bytes";
+  // Routines do not count as hits; without them they are linked anew.
+  size_t shaders = 32;
+  for (const Entry& e : entriesOf(data))
+    if (!e.routines) shaders = e.at + e.size;
+  ASSERT_GT(shaders, 200u);
+  ASSERT_GT(data.size(), shaders + 100);
+  for (size_t at = 32; at < shaders; at += 41) EXPECT_FALSE(hits(change(at))) << "byte " << at;
+  for (size_t at = shaders; at < data.size(); at += 41) EXPECT_TRUE(hits(change(at))) << "byte " << at;
+  for (size_t length : {size_t(1), size_t(31), size_t(33), size_t(60), shaders / 2, shaders - 1}) EXPECT_FALSE(hits({data.begin(), data.begin() + long(length)})) << length << " bytes";
+  for (size_t length : {shaders, shaders + 20, data.size() - 1}) EXPECT_TRUE(hits({data.begin(), data.begin() + long(length)})) << length << " bytes";
   std::vector<std::byte> noise(4096);
   uint32_t random = 7;
   for (auto& b : noise) b = std::byte((random = random * 1664525u + 1013904223u) >> 24);
