@@ -108,11 +108,38 @@ void main() {
   }
 };
 
+// The same in a second run of the program: it begins with what the first has left in its pipeline cache.
+struct KnownPipelines : Pipelines {
+  KnownPipelines(Device& device, const Options& options) : Pipelines(device, options) {
+    VkPipelineCache first = device.pipelineCache = makeCache({});
+    // Nothing of that run is left but its cache.
+    std::make_unique<Pipelines>(device, options)->frame();
+    size_t size = 0;
+    cts::check(vkGetPipelineCacheData(device.handle, first, &size, nullptr), "vkGetPipelineCacheData");
+    std::vector<std::byte> kept(size);
+    cts::check(vkGetPipelineCacheData(device.handle, first, &size, kept.data()), "vkGetPipelineCacheData");
+    known = std::move(kept);
+  }
+  void draw(VkCommandBuffer commands) override {
+    if (!known.empty()) device.pipelineCache = makeCache(known);   // part of what is measured
+    Pipelines::draw(commands);
+  }
+  VkPipelineCache makeCache(const std::vector<std::byte>& bytes) {
+    VkPipelineCacheCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_CACHE_CREATE_INFO, nullptr, 0, bytes.size(), bytes.data()};
+    VkPipelineCache cache = VK_NULL_HANDLE;
+    cts::check(vkCreatePipelineCache(device.handle, &info, nullptr, &cache), "vkCreatePipelineCache");
+    canvas.onDestroy([v = device.handle, cache] { vkDestroyPipelineCache(v, cache, nullptr); });
+    return cache;
+  }
+  std::vector<std::byte> known;
+};
+
 }  // namespace
 
 void addShadingScenes(SceneTable& table) {
   table.push_back({"alu", "a fragment shader of 4,000 operations", makeScene<Alu>, Limit::kArithmetic});
   table.push_back({"pipelines_200", "200 pipelines made and drawn once", makeScene<Pipelines>, Limit::kNone, false, true});
+  table.push_back({"pipelines_200_known", "the same with the pipeline cache of a run before", makeScene<KnownPipelines>, Limit::kNone, false, true});
 }
 
 }  // namespace pumice::bench

@@ -201,7 +201,7 @@ VkResult Canvas::tryPipeline(const PipelineSpec& spec, VkShaderModule vertex, Vk
   info.layout = made.layout;
   info.renderPass = states.renderPass;
   info.subpass = states.subpass;
-  VkResult result = vkCreateGraphicsPipelines(v, VK_NULL_HANDLE, 1, &info, nullptr, &made.handle);
+  VkResult result = vkCreateGraphicsPipelines(v, device.pipelineCache, 1, &info, nullptr, &made.handle);
   if (result == VK_SUCCESS) onDestroy([v, p = made.handle] { vkDestroyPipeline(v, p, nullptr); });
   return result;
 }

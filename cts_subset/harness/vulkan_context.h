@@ -101,6 +101,8 @@ class Device {
   VkPhysicalDeviceLineRasterizationFeaturesEXT lines{};
   VkPhysicalDeviceMemoryProperties memory{};
 
+  VkPipelineCache pipelineCache = VK_NULL_HANDLE;  // what Canvas and Workspace make pipelines with; whoever sets it destroys it
+
   std::string name() const { return properties.deviceName; }
   bool has(const char* extension) const;
   bool supports(VkFormat format, VkFormatFeatureFlags optimalFeatures) const;

@@ -50,14 +50,14 @@ VkDeviceMemory Workspace::make(const VkMemoryAllocateInfo& info) {
 
 VkPipeline Workspace::make(const VkComputePipelineCreateInfo& info) {
   VkPipeline pipeline = VK_NULL_HANDLE;
-  check(vkCreateComputePipelines(device.handle, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateComputePipelines");
+  check(vkCreateComputePipelines(device.handle, device.pipelineCache, 1, &info, nullptr, &pipeline), "vkCreateComputePipelines");
   onDestroy([d = device.handle, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
   return pipeline;
 }
 
 VkPipeline Workspace::make(const VkGraphicsPipelineCreateInfo& info) {
   VkPipeline pipeline = VK_NULL_HANDLE;
-  check(vkCreateGraphicsPipelines(device.handle, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateGraphicsPipelines");
+  check(vkCreateGraphicsPipelines(device.handle, device.pipelineCache, 1, &info, nullptr, &pipeline), "vkCreateGraphicsPipelines");
   onDestroy([d = device.handle, pipeline] { vkDestroyPipeline(d, pipeline, nullptr); });
   return pipeline;
 }
