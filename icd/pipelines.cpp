@@ -15,6 +15,8 @@
 namespace pumice::icd {
 namespace {
 
+constexpr size_t kMostTranslated = 8;   //!< of one module, kept
+
 using ShaderResult = base::Result<std::shared_ptr<const frontend::Shader>>;
 
 base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineShaderStageCreateInfo& stage) {
@@ -30,6 +32,28 @@ base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineS
   auto* inlined = findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
   if (!inlined) return base::Error{"a stage has no shader module"};
   return frontend::parseModule({inlined->pCode, inlined->codeSize / 4}, frontend::Validate::Beside);
+}
+
+frontend::Stage stageOf(VkShaderStageFlagBits s);
+
+ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::vector<frontend::SpecializationConstant>& constants) {
+  ShaderModule* const holder = from(stage.module);
+  const frontend::Stage kind = stageOf(stage.stage);
+  const unsigned checks = ir::wantedChecks();
+  if (holder) {
+    std::lock_guard lock(holder->mutex);
+    for (const ShaderModule::Translated& t : holder->translated)
+      if (t.stage == kind && t.checks == checks && t.entryPoint == stage.pName && t.constants == constants) return t.shader;
+  }
+  auto module = moduleOf(stage);
+  if (!module) return std::move(module).error();
+  auto shader = frontend::translate(**module, kind, stage.pName, constants);
+  if (auto valid = frontend::validity(**module); !valid) return valid.error();
+  if (shader && holder) {
+    std::lock_guard lock(holder->mutex);
+    if (holder->translated.size() < kMostTranslated) holder->translated.push_back({kind, stage.pName, constants, checks, *shader});
+  }
+  return shader;
 }
 
 frontend::Stage stageOf(VkShaderStageFlagBits s) {
@@ -94,10 +118,7 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32
     making.refused = true;
     return base::Error{"the shader is not in the cache"};
   }
-  auto module = moduleOf(stage);
-  if (!module) return std::move(module).error();
-  auto shader = frontend::translate(**module, stageOf(stage.stage), stage.pName, constants);
-  if (auto valid = frontend::validity(**module); !valid) return valid.error();
+  auto shader = shaderOf(stage, constants);
   if (shader && making.cache) making.cache->insert(key, *shader);
   done(0);
   return shader;

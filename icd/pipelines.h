@@ -5,6 +5,8 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "icd/device.h"
 #include "icd/extended_state.h"
@@ -18,6 +20,15 @@ struct ShaderModule {
   HostVector<uint32_t> words;
   std::mutex mutex;
   std::shared_ptr<const frontend::Module> module;   //!< parsed on first use
+  //! Shaders that were made of it: many pipelines use one.
+  struct Translated {
+    frontend::Stage stage;
+    std::string entryPoint;
+    std::vector<frontend::SpecializationConstant> constants;
+    unsigned checks;
+    std::shared_ptr<const frontend::Shader> shader;
+  };
+  std::vector<Translated> translated;
   std::optional<std::array<uint64_t, 2>> key;       //!< of the words, made when a cache is used
 };
 

@@ -1,8 +1,12 @@
 #include "pipeline/expander.h"
 
 #include <algorithm>
+#include <mutex>
+#include <unordered_map>
 
+#include "base/hash.h"
 #include "pipeline/saved_routines.h"
+#include "spirv_interp/ir/bytes.h"
 #include "spirv_interp/jit/engine.h"
 
 namespace pumice::pipeline {
@@ -229,12 +233,63 @@ base::Status finishRoutine(ir::Function& f) {
   return {};
 }
 
-base::Result<std::unique_ptr<interp::Executable>> compileRoutine(const ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked,
-                                                                   bool wholeBlocks) {
+namespace {
+
+//! Executables by the bytes of the function that they were made from.
+class Compiled {
+ public:
+  struct Entry {
+    std::vector<std::byte> bytes;
+    std::unique_ptr<interp::Executable> code;
+  };
+  std::shared_ptr<const Entry> find(uint64_t hash, const std::vector<std::byte>& bytes) {
+    std::lock_guard lock(mutex_);
+    for (auto [it, end] = entries_.equal_range(hash); it != end; ++it)
+      if (auto entry = it->second.lock(); entry && entry->bytes == bytes) return entry;
+    return nullptr;
+  }
+  void insert(uint64_t hash, const std::shared_ptr<const Entry>& entry) {
+    std::lock_guard lock(mutex_);
+    if (entries_.size() >= limit_) {
+      std::erase_if(entries_, [](const auto& e) { return e.second.expired(); });
+      limit_ = 2 * entries_.size() + 64;
+    }
+    entries_.emplace(hash, entry);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::unordered_multimap<uint64_t, std::weak_ptr<const Entry>> entries_;
+  size_t limit_ = 64;
+};
+
+}  // namespace
+
+base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked,
+                                                                         bool wholeBlocks) {
   interp::CompileOptions options;
   options.numerics = numerics;
   options.checked = std::move(checked);
-  return jit::makeExecutable(f, options, wholeBlocks);
+  // What is watched says which shader it is of.
+  if (std::any_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
+    auto watched = jit::makeExecutable(f, options, wholeBlocks);
+    if (!watched) return std::move(watched).error();
+    return std::shared_ptr<const interp::Executable>(std::move(watched).value());
+  }
+  static Compiled& compiled = *new Compiled;   // executables may outlive everything else
+  ir::ByteWriter w;
+  w.value(numerics);
+  w.value(wholeBlocks);
+  ir::fields(w, f);
+  const uint64_t hash = base::hashBytes(w.bytes.data(), w.bytes.size());
+  auto entry = compiled.find(hash, w.bytes);
+  if (!entry) {
+    auto made = jit::makeExecutable(f, options, wholeBlocks);
+    if (!made) return std::move(made).error();
+    entry = std::make_shared<const Compiled::Entry>(Compiled::Entry{std::move(w.bytes), std::move(made).value()});
+    compiled.insert(hash, entry);   // a second one does no harm
+  }
+  return std::shared_ptr<const interp::Executable>(entry, entry->code.get());
 }
 
 ir::Function guardEffects(const ir::Function& source) {

@@ -54,7 +54,7 @@ struct FragmentKey {
 //! per-vertex buffers), slot 1 = InstanceIndex (first instance added). Output slot r is row r of raster::VertexOutputs:
 //! 0..3 clip position, then `rows` below. The oracle's rows are wide (raster::VertexOutputs::wideRows).
 struct VertexRoutine {
-  std::unique_ptr<interp::Executable> code;
+  std::shared_ptr<const interp::Executable> code;
   uint32_t rowCount = 4;
   bool wide = false;
 };
@@ -81,7 +81,7 @@ struct FragmentRoutine {
     std::function<std::unique_ptr<FragmentRoutine>()> make;   //!< null if it cannot be made
   };
   std::unique_ptr<Sibling> siblings[kRowKinds];   //!< by Rows; of Any: null
-  std::unique_ptr<interp::Executable> code;
+  std::shared_ptr<const interp::Executable> code;
   std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
   bool wide = false;                        //!< the oracle's: reads wide records
   bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes
@@ -125,7 +125,7 @@ struct ComputeKey {
 
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {
-  std::unique_ptr<interp::Executable> code;
+  std::shared_ptr<const interp::Executable> code;
   std::array<uint32_t, 3> localSize{1, 1, 1};
   uint32_t sharedBytes = 0;
   bool groupsApart = false;                 //!< a row never holds invocations of two work groups: shared memory, barriers, subgroups, waiting

@@ -73,7 +73,11 @@ struct Shader {
   std::vector<std::string> sources;
 };
 
-struct SpecializationConstant { uint32_t id; std::vector<std::byte> data; };
+struct SpecializationConstant {
+  uint32_t id;
+  std::vector<std::byte> data;
+  bool operator==(const SpecializationConstant&) const = default;
+};
 
 //! Parsed module, shared by the pipelines made from it. SPIRV-Tools' validator takes longer than everything else that a
 //! pipeline needs, so it may run beside the translator, which survives any words (it is fuzzed).
