@@ -72,6 +72,13 @@ struct TileEdge {
   T outward(T pixels) const { return (std::min(stepX, T(0)) + std::min(stepY, T(0))) * pixels; }
 };
 
+#if defined(__SSE2__)
+// Of sixteen values. Packing saturates, so signs stay.
+inline uint32_t signs(__m128i q0, __m128i q1, __m128i q2, __m128i q3) {
+  return uint32_t(_mm_movemask_epi8(_mm_packs_epi16(_mm_packs_epi32(q0, q1), _mm_packs_epi32(q2, q3))));
+}
+#endif
+
 // Bit i: the value of place i is negative, where places are 2^shift pixels apart and `base` belongs to the first.
 template <int shift, typename T>
 inline uint32_t negativePlaces(T base, const TileEdge<T>& edge) {
@@ -80,9 +87,7 @@ inline uint32_t negativePlaces(T base, const TileEdge<T>& edge) {
     const __m128i offsets = _mm_slli_epi32(_mm_load_si128(reinterpret_cast<const __m128i*>(edge.quad)), shift);
     const __m128i right = _mm_set1_epi32(edge.stepX * (T(2) << shift)), down = _mm_set1_epi32(edge.stepY * (T(2) << shift));
     const __m128i q0 = _mm_add_epi32(_mm_set1_epi32(base), offsets), q1 = _mm_add_epi32(q0, right);
-    const __m128i q2 = _mm_add_epi32(q0, down), q3 = _mm_add_epi32(q1, down);
-    // Packing saturates, so signs stay.
-    return uint32_t(_mm_movemask_epi8(_mm_packs_epi16(_mm_packs_epi32(q0, q1), _mm_packs_epi32(q2, q3))));
+    return signs(q0, q1, _mm_add_epi32(q0, down), _mm_add_epi32(q1, down));
   }
 #endif
   uint32_t mask = 0;
@@ -98,20 +103,21 @@ class TileRasterizer {
 
   //! False when the edge lets in nothing of the rectangle. One that lets in all of it is forgotten.
   bool addEdge(const Edge& edge) {
-    const int64_t corner = edge.a * (originX_ * kSubpixelOne) + edge.b * (originY_ * kSubpixelOne) + edge.c;
+    const int64_t a = edge.a, b = edge.b;
+    const int64_t corner = a * (originX_ * kSubpixelOne) + b * (originY_ * kSubpixelOne) + edge.c;
     int64_t values[kMaxSamples], low, high;
-    low = high = values[0] = (corner + edge.a * (locations_[0][0] * 16) + edge.b * (locations_[0][1] * 16)) >> kSubpixelBits;
+    low = high = values[0] = (corner + a * (locations_[0][0] * 16) + b * (locations_[0][1] * 16)) >> kSubpixelBits;
     for (uint32_t s = 1; s < samples_; s++) {
-      values[s] = (corner + edge.a * (locations_[s][0] * 16) + edge.b * (locations_[s][1] * 16)) >> kSubpixelBits;
+      values[s] = (corner + a * (locations_[s][0] * 16) + b * (locations_[s][1] * 16)) >> kSubpixelBits;
       low = std::min(low, values[s]);
       high = std::max(high, values[s]);
     }
-    const int64_t x0 = edge.a * rect_.x0, x1 = edge.a * rect_.x1, y0 = edge.b * rect_.y0, y1 = edge.b * rect_.y1;
+    const int64_t x0 = a * rect_.x0, x1 = a * rect_.x1, y0 = b * rect_.y0, y1 = b * rect_.y1;
     if (high + std::max(x0, x1) + std::max(y0, y1) < 0) return false;
     if (low + std::min(x0, x1) + std::min(y0, y1) >= 0) return true;
     TileEdge<T>& e = edges_[count_++];
-    e.stepX = T(edge.a);
-    e.stepY = T(edge.b);
+    e.stepX = T(a);
+    e.stepY = T(b);
     e.low = T(low);
     e.high = T(high);
     e.quad[0] = 0;
@@ -175,6 +181,52 @@ class TileRasterizer {
       return;
     }
     uint32_t any = 0;
+#if defined(__SSE2__)
+    if constexpr (sizeof(T) == 4) {
+      // A sample is outside where any edge's value is negative: signs of all edges are gathered before they become bits.
+      struct Outside {
+        __m128i q0 = _mm_setzero_si128(), q1 = q0, q2 = q0, q3 = q0;
+        void add(__m128i quad, __m128i right, __m128i down) {
+          q0 = _mm_or_si128(q0, quad);
+          q2 = _mm_or_si128(q2, _mm_add_epi32(quad, down));
+          const __m128i next = _mm_add_epi32(quad, right);
+          q1 = _mm_or_si128(q1, next);
+          q3 = _mm_or_si128(q3, _mm_add_epi32(next, down));
+        }
+        uint32_t mask() const { return signs(q0, q1, q2, q3); }
+      };
+      const auto quadOf = [](const TileEdge<T>& e, T base) {
+        return _mm_add_epi32(_mm_set1_epi32(base), _mm_load_si128(reinterpret_cast<const __m128i*>(e.quad)));
+      };
+      if (samples_ == 1) {
+        Outside outside;
+        for (uint32_t set = active; set; set &= set - 1) {
+          const TileEdge<T>& e = edges_[std::countr_zero(set)];
+          outside.add(quadOf(e, e.sample[0] + e.step(x, y)), _mm_set1_epi32(2 * e.stepX), _mm_set1_epi32(2 * e.stepY));
+        }
+        masks[0] = uint16_t(allowed & ~outside.mask());
+        if (masks[0]) emit(x, y, masks);
+        return;
+      }
+      __m128i quad[4], right[4], down[4];
+      const T* sample[4];
+      uint32_t edges = 0;
+      for (uint32_t set = active; set; set &= set - 1, edges++) {
+        const TileEdge<T>& e = edges_[std::countr_zero(set)];
+        quad[edges] = quadOf(e, e.step(x, y));
+        right[edges] = _mm_set1_epi32(2 * e.stepX);
+        down[edges] = _mm_set1_epi32(2 * e.stepY);
+        sample[edges] = e.sample;
+      }
+      for (uint32_t s = 0; s < samples_; s++) {
+        Outside outside;
+        for (uint32_t k = 0; k < edges; k++) outside.add(_mm_add_epi32(_mm_set1_epi32(sample[k][s]), quad[k]), right[k], down[k]);
+        any |= masks[s] = uint16_t(allowed & ~outside.mask());
+      }
+      if (any) emit(x, y, masks);
+      return;
+    }
+#endif
     for (uint32_t s = 0; s < samples_; s++) {
       uint32_t mask = allowed;
       for (uint32_t set = active; set; set &= set - 1) {

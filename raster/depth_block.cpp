@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -107,27 +108,31 @@ void write(const DepthEquation& d, DepthKind kind, float x, float y, std::byte* 
   for (int i = 0; i < 16; i++) storeKey(kind, memory, uint32_t(i), keyAt(d, kind, x + float(placeX(i)), y + float(placeY(i))));
 }
 
-uint32_t test(const DepthEquation& d, DepthKind kind, VkCompareOp compare, bool write, uint32_t mask, float x, float y, std::byte* memory,
-              KeyBounds& bounds) {
-  uint32_t passed = 0;
+void test(const DepthEquation& d, DepthKind kind, VkCompareOp compare, bool write, const BlockSamples& samples, const uint16_t* masks,
+          uint16_t* passed, KeyBounds& bounds) {
   bounds = {kInfinity, -kInfinity};
   bool ordered = true;
-  for (int i = 0; i < 16; i++) {
-    const float own = keyAt(d, kind, x + float(placeX(i)), y + float(placeY(i)));
-    float stored = loadKey(kind, memory, uint32_t(i));
-    if ((mask >> i & 1) && passes(compare, own, stored)) {
-      passed |= 1u << i;
-      if (write) {
-        storeKey(kind, memory, uint32_t(i), own);
-        stored = own;
+  for (uint32_t s = 0; s < samples.count; s++) {
+    const float x = samples.blockX + samples.x[s], y = samples.blockY + samples.y[s];
+    std::byte* memory = samples.memory + s * samples.pitch;
+    uint32_t pass = 0;
+    for (int i = 0; i < 16; i++) {
+      const float own = keyAt(d, kind, x + float(placeX(i)), y + float(placeY(i)));
+      float stored = loadKey(kind, memory, uint32_t(i));
+      if ((masks[s] >> i & 1) && passes(compare, own, stored)) {
+        pass |= 1u << i;
+        if (write) {
+          storeKey(kind, memory, uint32_t(i), own);
+          stored = own;
+        }
       }
+      ordered &= stored == stored;
+      bounds.low = std::min(bounds.low, stored);
+      bounds.high = std::max(bounds.high, stored);
     }
-    ordered &= stored == stored;
-    bounds.low = std::min(bounds.low, stored);
-    bounds.high = std::max(bounds.high, stored);
+    passed[s] = uint16_t(pass);
   }
   if (!ordered) bounds = {-kInfinity, kInfinity};
-  return passed;
 }
 
 }  // namespace plain
@@ -249,37 +254,54 @@ void write(const DepthEquation& d, DepthKind kind, float x, float y, std::byte* 
   storeKeys(kind, memory + 8 * depthBytes(kind), keys(d, kind, px, placesY(y + 2)));
 }
 
-template <DepthKind kind>
-PUMICE_INLINE uint32_t testKind(const DepthEquation& d, VkCompareOp compare, bool write, uint32_t mask, float x, float y, std::byte* memory,
-                                KeyBounds& bounds) {
-  std::byte* second = memory + 8 * depthBytes(kind);
-  const __m256 px = placesX(x);
-  const __m256 own0 = keys(d, kind, px, placesY(y)), own1 = keys(d, kind, px, placesY(y + 2));
-  __m256 stored0 = loadKeys(kind, memory), stored1 = loadKeys(kind, second);
-  const __m256i bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128), all = _mm256_set1_epi32(int(mask)), high = _mm256_slli_epi32(bits, 8);
-  const __m256 covered0 = _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(all, bits), bits));
-  const __m256 covered1 = _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(all, high), high));
-  const __m256 pass0 = _mm256_and_ps(compareKeys(compare, own0, stored0), covered0);
-  const __m256 pass1 = _mm256_and_ps(compareKeys(compare, own1, stored1), covered1);
-  const uint32_t passed = uint32_t(_mm256_movemask_ps(pass0)) | uint32_t(_mm256_movemask_ps(pass1)) << 8;
-  if (write && passed) {
-    storeSome(kind, memory, own0, pass0);
-    storeSome(kind, second, own1, pass1);
-    stored0 = _mm256_blendv_ps(stored0, own0, pass0);
-    stored1 = _mm256_blendv_ps(stored1, own1, pass1);
+template <DepthKind kind, bool one>
+PUMICE_INLINE void testKind(const DepthEquation& given, VkCompareOp compare, bool write, const BlockSamples& givenSamples, const uint16_t* masks, uint16_t* passed,
+                            KeyBounds& bounds) {
+  const DepthEquation d = given;   // nothing that is stored changes these
+  const BlockSamples samples = givenSamples;
+  const __m256i bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128), high = _mm256_slli_epi32(bits, 8);
+  __m256 lowest = _mm256_set1_ps(kInfinity), highest = _mm256_set1_ps(-kInfinity), unordered = _mm256_setzero_ps();
+  for (uint32_t s = 0; s < (one ? 1 : samples.count); s++) {
+    std::byte* memory = samples.memory + s * samples.pitch;
+    std::byte* second = memory + 8 * depthBytes(kind);
+    __m256 stored0 = loadKeys(kind, memory), stored1 = loadKeys(kind, second);
+    uint32_t pass = 0;
+    if (one || masks[s]) {
+      const float y = samples.blockY + samples.y[s];
+      const __m256 px = placesX(samples.blockX + samples.x[s]);
+      const __m256 own0 = keys(d, kind, px, placesY(y)), own1 = keys(d, kind, px, placesY(y + 2));
+      const __m256i all = _mm256_set1_epi32(int(masks[s]));
+      const __m256 covered0 = _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(all, bits), bits));
+      const __m256 covered1 = _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(all, high), high));
+      const __m256 pass0 = _mm256_and_ps(compareKeys(compare, own0, stored0), covered0);
+      const __m256 pass1 = _mm256_and_ps(compareKeys(compare, own1, stored1), covered1);
+      pass = uint32_t(_mm256_movemask_ps(pass0)) | uint32_t(_mm256_movemask_ps(pass1)) << 8;
+      if (write && pass) {
+        storeSome(kind, memory, own0, pass0);
+        storeSome(kind, second, own1, pass1);
+        stored0 = _mm256_blendv_ps(stored0, own0, pass0);
+        stored1 = _mm256_blendv_ps(stored1, own1, pass1);
+      }
+    }
+    passed[s] = uint16_t(pass);
+    if (kind == DepthKind::Float32) unordered = _mm256_or_ps(unordered, _mm256_cmp_ps(stored0, stored1, _CMP_UNORD_Q));
+    lowest = _mm256_min_ps(lowest, _mm256_min_ps(stored0, stored1));
+    highest = _mm256_max_ps(highest, _mm256_max_ps(stored0, stored1));
   }
-  bounds = {least(_mm256_min_ps(stored0, stored1)), greatest(_mm256_max_ps(stored0, stored1))};
-  if (kind == DepthKind::Float32 && _mm256_movemask_ps(_mm256_cmp_ps(stored0, stored1, _CMP_UNORD_Q))) bounds = {-kInfinity, kInfinity};
-  return passed;
+  bounds = {least(lowest), greatest(highest)};
+  if (kind == DepthKind::Float32 && _mm256_movemask_ps(unordered)) bounds = {-kInfinity, kInfinity};
 }
 
-uint32_t test(const DepthEquation& d, DepthKind kind, VkCompareOp compare, bool write, uint32_t mask, float x, float y, std::byte* memory,
-              KeyBounds& bounds) {
-  switch (kind) {
-    case DepthKind::Unorm16: return testKind<DepthKind::Unorm16>(d, compare, write, mask, x, y, memory, bounds);
-    case DepthKind::Unorm24: return testKind<DepthKind::Unorm24>(d, compare, write, mask, x, y, memory, bounds);
-    default: return testKind<DepthKind::Float32>(d, compare, write, mask, x, y, memory, bounds);
-  }
+void test(const DepthEquation& d, DepthKind kind, VkCompareOp compare, bool write, const BlockSamples& samples, const uint16_t* masks, uint16_t* passed,
+          KeyBounds& bounds) {
+  const auto run = [&]<bool one>(std::bool_constant<one>) __attribute__((always_inline)) {
+    switch (kind) {
+      case DepthKind::Unorm16: return testKind<DepthKind::Unorm16, one>(d, compare, write, samples, masks, passed, bounds);
+      case DepthKind::Unorm24: return testKind<DepthKind::Unorm24, one>(d, compare, write, samples, masks, passed, bounds);
+      default: return testKind<DepthKind::Float32, one>(d, compare, write, samples, masks, passed, bounds);
+    }
+  };
+  samples.count == 1 ? run(std::true_type()) : run(std::false_type());
 }
 
 #undef PUMICE_INLINE

@@ -37,6 +37,15 @@ struct Places {
   float x0, y0, x1, y1;
 };
 
+//! A block of depths, `count` planes of it.
+struct BlockSamples {
+  uint32_t count;
+  const float *x, *y;            //!< each sample's place in its pixel
+  float blockX, blockY;          //!< of the block, relative to the cell's corner
+  std::byte* memory;             //!< of the first sample
+  uint64_t pitch;                //!< bytes from one sample's plane to the next
+};
+
 struct DepthKernels {
   //! Keys of all places in a rectangle. The equation is tame.
   KeyBounds (*bounds)(const DepthEquation& depth, DepthKind kind, const Places& places);
@@ -44,9 +53,10 @@ struct DepthKernels {
   void (*boundsOfBlocks)(const DepthEquation& depth, DepthKind kind, const Places& first, float* low, float* high);
   //! Writes the block's sixteen depths (quad-major). (x, y): the sample's place in the block's first pixel.
   void (*write)(const DepthEquation& depth, DepthKind kind, float x, float y, std::byte* memory);
-  //! Tests the samples of `mask`, writes those that pass if `write` is set, and gives them. Bounds: of the block afterwards.
-  uint32_t (*test)(const DepthEquation& depth, DepthKind kind, VkCompareOp compare, bool write, uint32_t mask, float x, float y,
-                   std::byte* memory, KeyBounds& bounds);
+  //! Tests a block's samples, those of `masks[s]` of each plane, writes those that pass if `write` is set, and gives them in `passed`.
+  //! Bounds: of the block afterwards.
+  void (*test)(const DepthEquation& depth, DepthKind kind, VkCompareOp compare, bool write, const BlockSamples& samples, const uint16_t* masks,
+               uint16_t* passed, KeyBounds& bounds);
 };
 
 //! For this processor, no better than PUMICE_ISA allows.

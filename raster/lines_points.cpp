@@ -65,7 +65,7 @@ void SetupContext::segment(const SetupVertex (&own)[2], const Origin& origin) {
     const bool forward = alongX ? x > 0 : y < 0;
     p.edges[0] = forward ? makeEdge(low[0], low[1]) : makeEdge(low[1], low[0]);
     p.edges[1] = forward ? makeEdge(high[1], high[0]) : makeEdge(high[0], high[1]);
-    const int64_t direction = alongX ? (x > 0 ? 1 : -1) : (y > 0 ? 1 : -1);
+    const int32_t direction = alongX ? (x > 0 ? 1 : -1) : (y > 0 ? 1 : -1);
     const int64_t start = alongX ? from.x : from.y, end = alongX ? to.x : to.y;
     p.edges[2] = {alongX ? direction : 0, alongX ? 0 : direction, -direction * start};
     p.edges[3] = {alongX ? -direction : 0, alongX ? 0 : -direction, direction * end - 1};

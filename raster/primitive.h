@@ -91,10 +91,15 @@ struct SetupState {
 struct Plane { double dx = 0, dy = 0, origin = 0; };
 
 //! One edge: inside where a * x + b * y + c >= 0 at sample positions in 1/256 pixel units; c already holds the top-left rule's bias.
-struct Edge { int64_t a = 0, b = 0, c = 0; };
+//! Within the guard band |a| and |b| stay below 2^30.
+struct Edge {
+  int32_t a = 0, b = 0;
+  int64_t c = 0;
+};
 
-//! A primitive that covers something. Lives in an arena until its render pass is finished.
-struct Primitive {
+//! A primitive that covers something. Lives in an arena until its render pass is finished. Tiles fetch these from all over memory, so it
+//! is two cache lines.
+struct alignas(64) Primitive {
   Edge edges[4];                   //!< triangles use 3, rectangles (lines, points) 4
   uint8_t edgeCount = 3;
   bool frontFacing = true;
@@ -106,6 +111,7 @@ struct Primitive {
   const uint32_t* flat = nullptr;  //!< one word (of wide rows: two) per Varying, valid for Flat ones
   const std::byte* record = nullptr;   //!< instead of planes and flat: the record of the one grid cell it lies in (tiles.h)
 };
+static_assert(sizeof(Primitive) == 128);
 
 //! Why triangles were dropped (PUMICE_STATS).
 struct SetupCounters {

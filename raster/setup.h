@@ -16,8 +16,8 @@ struct SnappedPoint {
 //! down: the corners of a polygon with positive area2() go clockwise on the screen). Top and left edges own the samples on them.
 inline Edge makeEdge(const SnappedPoint& from, const SnappedPoint& to) {
   Edge e;
-  e.a = from.y - to.y;
-  e.b = to.x - from.x;
+  e.a = int32_t(from.y - to.y);
+  e.b = int32_t(to.x - from.x);
   e.c = -(e.a * from.x + e.b * from.y);
   const bool owns = e.a > 0 || (e.a == 0 && e.b > 0);
   if (!owns) e.c -= 1;

@@ -297,17 +297,12 @@ void Visibility::full(uint32_t block, const KeyBounds& mine) {
 
 void Visibility::testBlock(uint32_t block, const uint16_t* masks) {
   if (source_[block] != kMemory) makeReal(block);
-  KeyBounds all{kInfinity, -kInfinity};
+  KeyBounds all;
   uint16_t passed[16];
+  const BlockSamples samples{samples_, placeX_, placeY_, float(blockX(block)), float(blockY(block)), depthOf(block, 0), memory_.samplePitch};
+  kernels_.test(equation_, memory_.kind, test_.compare, test_.write, samples, masks, passed, all);
   uint32_t any = 0;
-  for (uint32_t s = 0; s < samples_; s++) {
-    KeyBounds b;
-    passed[s] = uint16_t(kernels_.test(equation_, memory_.kind, test_.compare, test_.write, masks[s], float(blockX(block)) + placeX_[s],
-                                       float(blockY(block)) + placeY_[s], depthOf(block, s), b));
-    any |= passed[s];
-    all.low = std::min(all.low, b.low);
-    all.high = std::max(all.high, b.high);
-  }
+  for (uint32_t s = 0; s < samples_; s++) any |= passed[s];
   setBounds(block, all);
   if (any) mark(block, passed);
 }

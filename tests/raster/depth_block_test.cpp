@@ -51,24 +51,31 @@ TEST(DepthBlock, AllKernelsGiveTheSameBits) {
   for (int round = 0; round < 20000; round++) {
     const DepthKind kind = kKinds[random() % 3];
     const DepthEquation d = randomEquation(random);
-    const float x = float(random() % 16 * 4) + float(random() % 16) / 16, y = float(random() % 16 * 4) + float(random() % 16) / 16;
+    const uint32_t samples = 1u << random() % 3;
+    const float blockX = float(random() % 16 * 4), blockY = float(random() % 16 * 4);
+    float sampleX[4], sampleY[4];
+    uint16_t masks[4];
+    for (int s = 0; s < 4; s++) {
+      sampleX[s] = float(random() % 16) / 16, sampleY[s] = float(random() % 16) / 16;
+      masks[s] = uint16_t(random() & 3 ? random() & 0xffff : random() & 1 ? 0xffff : 0);
+    }
+    const float x = blockX + sampleX[0], y = blockY + sampleY[0];
     const VkCompareOp op = VkCompareOp(random() % 8);
     const bool write = random() & 1;
-    const uint32_t mask = random() & 3 ? random() & 0xffff : 0xffff;
-    std::byte before[64] = {}, memory[2][64];
-    randomMemory(random, kind, before);
+    std::byte before[4][64] = {}, memory[2][4][64];
+    for (auto& plane : before) randomMemory(random, kind, plane);
     KeyBounds bounds[2];
-    uint32_t passed[2];
+    uint16_t passed[2][4] = {};
     for (int k = 0; k < 2; k++) {
       std::memcpy(memory[k], before, sizeof before);
-      passed[k] = all[k].kernels->test(d, kind, op, write, mask, x, y, memory[k], bounds[k]);
+      all[k].kernels->test(d, kind, op, write, {samples, sampleX, sampleY, blockX, blockY, memory[k][0], 64}, masks, passed[k], bounds[k]);
     }
-    ASSERT_EQ(passed[0], passed[1]) << "round " << round << ", compare " << op << ", kind " << int(kind);
-    ASSERT_EQ(std::memcmp(memory[0], memory[1], 64), 0) << "round " << round << ", compare " << op << ", kind " << int(kind);
+    for (int s = 0; s < 4; s++) ASSERT_EQ(passed[0][s], passed[1][s]) << "round " << round << ", compare " << op << ", kind " << int(kind);
+    ASSERT_EQ(std::memcmp(memory[0], memory[1], sizeof before), 0) << "round " << round << ", compare " << op << ", kind " << int(kind);
     ASSERT_EQ(bounds[0].low, bounds[1].low) << "round " << round;
     ASSERT_EQ(bounds[0].high, bounds[1].high) << "round " << round;
-    for (int k = 0; k < 2; k++) all[k].kernels->write(d, kind, x, y, memory[k]);
-    ASSERT_EQ(std::memcmp(memory[0], memory[1], 64), 0) << "write, round " << round << ", kind " << int(kind);
+    for (int k = 0; k < 2; k++) all[k].kernels->write(d, kind, x, y, memory[k][0]);
+    ASSERT_EQ(std::memcmp(memory[0], memory[1], sizeof before), 0) << "write, round " << round << ", kind " << int(kind);
     if (!d.tame()) continue;
     float low[2][16], high[2][16];
     for (int k = 0; k < 2; k++) {
@@ -107,9 +114,13 @@ TEST(DepthBlock, BoundsAreThoseOfTheValues) {
       randomMemory(random, kind, stored);
       KeyBounds there, after;
       DepthEquation nothing = d;
-      kernels.test(nothing, kind, VK_COMPARE_OP_NEVER, false, 0, x, y, stored, there);
+      const float zero = 0;
+      const uint16_t none = 0, every = 0xffff;
+      uint16_t passed = 1;
+      kernels.test(nothing, kind, VK_COMPARE_OP_NEVER, false, {1, &zero, &zero, x, y, stored, 0}, &none, &passed, there);
+      EXPECT_EQ(passed, 0u);
       const Outcome outcome = compareBounds(VkCompareOp(op), bounds, there);
-      const uint32_t passed = kernels.test(d, kind, VkCompareOp(op), true, 0xffff, x, y, stored, after);
+      kernels.test(d, kind, VkCompareOp(op), true, {1, &zero, &zero, x, y, stored, 0}, &every, &passed, after);
       if (outcome == Outcome::Fails) { EXPECT_EQ(passed, 0u) << "compare " << op; }
       if (outcome == Outcome::Passes) { EXPECT_EQ(passed, 0xffffu) << "compare " << op; }
     }
