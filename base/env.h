@@ -27,8 +27,8 @@ namespace pumice::base {
   X(Stats, "PUMICE_STATS", "1 or 0", "0", "print what each render pass did") \
   X(Disable, "PUMICE_DISABLE", "names of ideas; commas between", "nothing",                  \
     "turn off ideas that save work; pictures stay the same to the bit")                           \
-  X(Check, "PUMICE_CHECK", "bounds, nan, uninit; commas between", "nothing",                      \
-    "report what shaders do wrong, with line and invocation (slow)")                              \
+  X(Check, "PUMICE_CHECK", "bounds, nan, uninit, printf; commas between", "nothing",              \
+    "report what shaders do wrong, with line and invocation; print what they print (slow)")                              \
   X(Watchdog, "PUMICE_WATCHDOG_SECONDS", "1 to 86400", "no limit",                                \
     "a submission that runs longer is stopped and the device is lost")
 

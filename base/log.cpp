@@ -46,7 +46,7 @@ int readLogLevel() {
 }  // namespace detail
 
 struct LogAccess {
-  static void write(LogLevel level, const char* format, va_list args) {
+  static void write(LogLevel level, const char* label, const char* format, va_list args) {
     ScopedLogSink* sink = innermostSink;
     bool collected = sink && level <= LogLevel::Warn;
     if (level == LogLevel::Off || (!collected && !logEnabled(level))) return;
@@ -74,7 +74,7 @@ struct LogAccess {
       innermostSink = sink;
       return;
     }
-    std::fprintf(stderr, "pumice: %s: %.*s\n", kLevelNames[int(level)], int(text.size()), text.data());
+    std::fprintf(stderr, "pumice: %s: %.*s\n", label, int(text.size()), text.data());
   }
 };
 
@@ -83,21 +83,22 @@ void setLogLevel(LogLevel level) { detail::logLevel.store(int(level), std::memor
 void logMessage(LogLevel level, const char* format, ...) {
   va_list args;
   va_start(args, format);
-  LogAccess::write(level, format, args);
+  LogAccess::write(level, kLevelNames[int(level)], format, args);
   va_end(args);
 }
 
-#define PUMICE_DEFINE_LOG(level)                     \
-  void log##level(const char* format, ...) {         \
-    va_list args;                                    \
-    va_start(args, format);                          \
-    LogAccess::write(LogLevel::level, format, args); \
-    va_end(args);                                    \
+#define PUMICE_DEFINE_LOG(function, level, label)           \
+  void function(const char* format, ...) {                  \
+    va_list args;                                           \
+    va_start(args, format);                                 \
+    LogAccess::write(LogLevel::level, label, format, args); \
+    va_end(args);                                           \
   }
-PUMICE_DEFINE_LOG(Error)
-PUMICE_DEFINE_LOG(Warn)
-PUMICE_DEFINE_LOG(Info)
-PUMICE_DEFINE_LOG(Debug)
+PUMICE_DEFINE_LOG(logError, Error, "error")
+PUMICE_DEFINE_LOG(logWarn, Warn, "warn")
+PUMICE_DEFINE_LOG(logInfo, Info, "info")
+PUMICE_DEFINE_LOG(logDebug, Debug, "debug")
+PUMICE_DEFINE_LOG(logPrinted, Error, "printf")
 #undef PUMICE_DEFINE_LOG
 
 ScopedLogSink::ScopedLogSink(Sink sink) : sink_(std::move(sink)), outer_(innermostSink) {

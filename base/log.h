@@ -33,6 +33,8 @@ void setLogLevel(LogLevel level);
 [[gnu::format(printf, 1, 2)]] void logWarn(const char* format, ...);
 [[gnu::format(printf, 1, 2)]] void logInfo(const char* format, ...);
 [[gnu::format(printf, 1, 2)]] void logDebug(const char* format, ...);
+// What a shader prints (PUMICE_CHECK=printf), as "pumice: printf: text"; said where errors are.
+[[gnu::format(printf, 1, 2)]] void logPrinted(const char* format, ...);
 
 // While it lives, the messages of this thread (errors and warnings at least, whatever PUMICE_LOG says) go
 // to `sink` instead of stderr. May be nested: the innermost one receives. For tests and for collecting the

@@ -4,6 +4,7 @@
 #include "base/log.h"
 #include "entrypoints.h"
 #include "icd/queue.h"
+#include "spirv_interp/ir/debug_print.h"
 
 namespace pumice::icd {
 
@@ -38,6 +39,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateDevice(VkPhysicalDevice handle, const VkD
   auto* device = makeObject<Device>(allocator, VK_SYSTEM_ALLOCATION_SCOPE_DEVICE, physical, allocator);
   if (!device) return VK_ERROR_OUT_OF_HOST_MEMORY;
   device->extensions = enabled;
+  ir::restartPrinting();
   device->features = wanted;
   *out = to<VkDevice>(device);
   return VK_SUCCESS;

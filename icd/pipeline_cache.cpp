@@ -77,7 +77,7 @@ ShaderKey wordsKey(std::span<const uint32_t> words) {
 ShaderKey shaderKey(const ShaderKey& words, frontend::Stage stage, std::string_view entryPoint, std::span<const frontend::SpecializationConstant> constants) {
   ShaderKey key;
   // A shader that is watched is another shader: neither run may find the other's in its cache.
-  const uint64_t watched = ir::wantedChecks() & (ir::kCheckBounds | ir::kCheckNan | ir::kCheckUninit);
+  const uint64_t watched = ir::wantedChecks() & ir::kAllChecks;
   for (uint64_t i = 0; i < key.size(); i++) {
     uint64_t h = base::hashCombine(words[i], uint64_t(stage) | i << 32 | watched << 40);
     h = base::hashCombine(h, base::hashBytes(entryPoint.data(), entryPoint.size(), i));

@@ -1,4 +1,5 @@
-// PUMICE_CHECK=bounds through the API: texels that are not there, attributes behind the end of their buffer, addresses of nothing.
+// PUMICE_CHECK=bounds through the API: texels that are not there, attributes behind the end of their buffer, addresses of nothing;
+// and what vertices and pixels print.
 // (tests/icd/check_test.cpp has what is wrong with buffers, variables and numbers.)
 #include "cts_subset/tests/compute.h"
 #include "cts_subset/tests/probe.h"
@@ -107,6 +108,27 @@ void main() { uint i = gl_LocalInvocationIndex; Word(start)[first + i].v = i; r[
   EXPECT_EQ(run(56), "");   // the last eight words
   expectLines(run(60), {"bounds: store of 4 bytes at address 0x"});
   EXPECT_NE(run(60).find("(256 bytes behind the start of a buffer of 256 bytes); compute shader \"main\", unknown line, invocation (4, 0, 0)"), std::string::npos);
+}
+
+// A vertex and a pixel print once, helpers not at all.
+TEST_F(Checks, PrintFromEveryStage) {
+  setenv("PUMICE_CHECK", "printf", 1);
+  Workspace work(device());
+  ImageSpec spec;
+  spec.extent = {3, 2, 1};
+  spec.usage |= VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT;
+  Image image = work.image(spec);
+  toGeneral(work, image);
+  Painting p;
+  p.extent = {3, 2};
+  p.vertex = "#version 450\n#extension GL_EXT_debug_printf : require\nvoid main() { gl_Position = vec4(gl_VertexIndex == 1 ? 3 : -1, gl_VertexIndex == 2 ? 3 : -1, 0.5, 1);\n"
+             "  debugPrintfEXT(\"vertex %d\", gl_VertexIndex); }";
+  p.fragment = "#version 450\n#extension GL_EXT_debug_printf : require\nlayout(location = 0) out vec4 colour;\n"
+               "void main() { colour = dFdx(gl_FragCoord); debugPrintfEXT(\"pixel %v2f\", gl_FragCoord.xy); }";
+  VkImageView view = work.view(image);
+  expectLines(logged([&] { paint(work, view, spec.format, p); }),
+              {"pumice: printf: vertex 0\n", "vertex 1\n", "vertex 2\n", "pixel 0.500000, 0.500000\n", "pixel 1.500000, 0.500000\n", "pixel 2.500000, 0.500000\n",
+               "pixel 0.500000, 1.500000\n", "pixel 1.500000, 1.500000\n", "pixel 2.500000, 1.500000\n"});
 }
 
 }  // namespace

@@ -70,10 +70,19 @@ void onShuffle(Translator& t, const Instruction& inst, uint32_t) {
   t.define(inst, std::move(out));
 }
 
+// As for an access chain's index (Translator::checkIndices).
+void checkComponent(Translator& t, uint32_t indexId, size_t count) {
+  if (!(t.checks & ir::kCheckBounds)) return;
+  Value index = t.resize(t.scalar(indexId), Type::I32, t.type(t.typeOf(indexId)).isSigned);
+  t.b.emit(Op::Check, Type::None, {t.watchedLanes(), index, t.b.i32(uint32_t(count))},
+           ir::checkImm({ir::CheckKind::Index, Op::Nop, Type::None, uint32_t(ir::IndexedKind::Vector)}));
+}
+
 void onExtractDynamic(Translator& t, const Instruction& inst, uint32_t) {
   const Values& from = t.data(inst.operand(0));
   Value index = t.scalar(inst.operand(1));
   if (from.empty()) fail("OpVectorExtractDynamic of nothing");
+  checkComponent(t, inst.operand(1), from.size());
   Value result = from[0];
   for (size_t i = 1; i < from.size(); i++)
     result = t.b.select(t.b.ieq(index, t.b.constant(t.b.type(index), i)), from[i], result);
@@ -84,6 +93,7 @@ void onInsertDynamic(Translator& t, const Instruction& inst, uint32_t) {
   Values out = t.data(inst.operand(0));
   Value component = t.scalar(inst.operand(1));
   Value index = t.scalar(inst.operand(2));
+  checkComponent(t, inst.operand(2), out.size());
   for (size_t i = 0; i < out.size(); i++) {
     if (t.b.type(out[i]) != t.b.type(component)) fail("OpVectorInsertDynamic of the wrong type");
     out[i] = t.b.select(t.b.ieq(index, t.b.constant(t.b.type(index), i)), component, out[i]);

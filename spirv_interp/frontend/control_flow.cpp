@@ -16,6 +16,8 @@
 #include <queue>
 
 #include "spirv_interp/frontend/translator.h"
+#include "spirv_interp/ir/checks.h"
+#include "spirv_interp/ir/debug_print.h"
 
 namespace pumice::frontend {
 
@@ -462,11 +464,39 @@ void onReadClock(Translator& t, const Instruction& inst, uint32_t) {
   t.define(inst, {t.b.convert(Op::Trunc, Type::I32, time), t.b.convert(Op::Trunc, Type::I32, t.b.lshr(time, t.b.i64(32)))});
 }
 
+// Nothing of it may break a shader: what is no value prints as "?".
+void debugPrintf(Translator& t, const Instruction& inst) {
+  constexpr size_t kMostScalars = 64;
+  const auto string = [&](uint32_t id) {
+    const auto at = t.module.strings.find(id);
+    return at == t.module.strings.end() ? nullptr : &at->second;
+  };
+  const std::string* format = string(inst.operand(2));
+  if (!(t.checks & ir::kCheckPrintf) || inst.operand(1) != 1 || !format) return;
+  ir::PrintCall call{*format, {}};
+  std::vector<Value> values{t.watchedLanes()};
+  for (uint32_t id : inst.operands.subspan(3)) {
+    ir::PrintCall::Argument& argument = call.arguments.emplace_back();
+    if (const std::string* text = string(id)) {
+      argument.text = *text;
+      continue;
+    }
+    const Val& v = t.val(id);
+    if (v.scalars.size() > kMostScalars + 1 - values.size()) continue;
+    argument.scalars = uint32_t(v.scalars.size());
+    values.insert(values.end(), v.scalars.begin(), v.scalars.end());
+  }
+  const uint32_t number = ir::keepPrintCall(std::move(call));
+  t.b.emit(Op::Check, Type::None, values, ir::checkImm({ir::CheckKind::Print, Op::Nop, Type::None, number}));
+}
+
 void onExtInst(Translator& t, const Instruction& inst, uint32_t) {
   auto set = t.module.extendedSets.find(inst.operand(0));
   if (set == t.module.extendedSets.end()) fail("OpExtInst of an unknown instruction set");
   if (set->second == "GLSL.std.450")
     translateGlsl450(t, inst);
+  else if (set->second == "NonSemantic.DebugPrintf")
+    debugPrintf(t, inst);
   else if (set->second.rfind("NonSemantic.", 0) != 0)
     fail("the extended instruction set %s is not supported", set->second.c_str());
 }

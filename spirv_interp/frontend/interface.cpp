@@ -372,6 +372,7 @@ void Translator::declareVariable(const Instruction& inst) {
     if (variable.home != Home::Registers && variable.home != Home::Local && variable.home != Home::Shared)
       fail("variable %u may not have an initializer", inst.result);
     if (variable.home == Home::Shared) {
+      zeroedShared.push_back({variable.offset, shader.function.sharedBytes});
       // Work-group memory is zero when the group starts (shader.h), which is all that Vulkan allows here.
       for (Value v : data(inst.operand(1))) {
         uint64_t bits = 0;

@@ -136,7 +136,7 @@ std::vector<Value> Translator::load(const Pointer& p) {
   }
   bool natural = p.home == Home::Local || p.home == Home::Shared;
   BufferAddress at = address(p);
-  if (p.isVolatile) b.setInstFlags(ir::kInstVolatile);
+  b.setInstFlags(checkIndices(p));
   visitScalars(p.type, p.offset, p.layout, !natural, [&](Type scalarType, uint64_t offset) {
     if (scalarType == Type::Mask)
       scalars.push_back(b.compare(Op::INe, loadScalar(p, Type::I32, offset, at), b.i32(0)));
@@ -166,7 +166,7 @@ void Translator::store(const Pointer& p, const std::vector<Value>& scalars) {
   }
   bool natural = p.home == Home::Local || p.home == Home::Shared;
   BufferAddress at = address(p);
-  if (p.isVolatile) b.setInstFlags(ir::kInstVolatile);
+  b.setInstFlags(checkIndices(p));
   size_t next = 0;
   visitScalars(p.type, p.offset, p.layout, !natural, [&](Type scalarType, uint64_t offset) {
     Value v = scalars[next++];
@@ -322,16 +322,16 @@ Value atomic(Translator& t, const Pointer& p, Type type, ir::AtomicOp op, Value 
   if (p.offset > UINT32_MAX) fail("an atomic operation beyond 4 GiB");
   uint64_t imm = uint64_t(op) << 32 | p.offset;
   auto at = t.address(p);
-  switch (p.home) {
-    case Home::Shared:
-      if (comparator) return b.emit(Op::SharedAtomicCas, type, {at.offset, value, comparator}, p.offset);
-      return b.emit(Op::SharedAtomic, type, {at.offset, value}, imm);
-    case Home::Buffer:
-    case Home::Physical:
-      if (comparator) return b.emit(Op::AtomicCas, type, {at.base, at.offset, at.size, value, comparator}, p.offset);
-      return b.emit(Op::Atomic, type, {at.base, at.offset, at.size, value}, imm);
-    default: fail("an atomic operation on memory that is not shared");
-  }
+  if (p.home != Home::Shared && p.home != Home::Buffer && p.home != Home::Physical) fail("an atomic operation on memory that is not shared");
+  b.setInstFlags(t.checkIndices(p) & ir::kInstIndexed);
+  Value old;
+  if (p.home == Home::Shared)
+    old = comparator ? b.emit(Op::SharedAtomicCas, type, {at.offset, value, comparator}, p.offset) : b.emit(Op::SharedAtomic, type, {at.offset, value}, imm);
+  else
+    old = comparator ? b.emit(Op::AtomicCas, type, {at.base, at.offset, at.size, value, comparator}, p.offset)
+                     : b.emit(Op::Atomic, type, {at.base, at.offset, at.size, value}, imm);
+  b.setInstFlags(0);
+  return old;
 }
 
 }  // namespace

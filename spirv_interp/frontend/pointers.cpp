@@ -74,6 +74,21 @@ Pointer Translator::pointerTo(Variable& variable) {
   return p;
 }
 
+uint8_t Translator::checkIndices(const Pointer& p) {
+  uint8_t flags = p.isVolatile ? ir::kInstVolatile : 0;
+  if (p.indices.empty()) return flags;
+  Value lanes = watchedLanes();
+  for (const Pointer::Index& i : p.indices) {
+    const bool wide = ir::typeBytes(b.type(i.value)) > 4;
+    const Value index = resize(i.value, wide ? Type::I64 : Type::I32, i.isSigned);
+    const Value count = b.constant(b.type(index), i.count);
+    const auto kind = i.of == TypeInfo::Array ? ir::IndexedKind::Array : i.of == TypeInfo::Vector ? ir::IndexedKind::Vector : ir::IndexedKind::Matrix;
+    b.emit(Op::Check, Type::None, {lanes, index, count}, ir::checkImm({ir::CheckKind::Index, Op::Nop, Type::None, uint32_t(kind)}));
+    lanes = b.maskAnd(lanes, b.ult(index, count));   // what is wrong once is not looked at again
+  }
+  return flags | ir::kInstIndexed;
+}
+
 void Translator::addScaled(Pointer& p, uint32_t indexId, uint64_t stride, bool fromStart) {
   const TypeInfo& indexType = type(typeOf(indexId));
   Value index = scalar(indexId);
@@ -143,6 +158,9 @@ Pointer Translator::accessChain(Pointer p, std::span<const uint32_t> indices) {
       continue;
     }
     bool natural = p.home == Home::Local || p.home == Home::Shared;
+    bool sized = t.kind == TypeInfo::Array || t.kind == TypeInfo::Vector || t.kind == TypeInfo::Matrix;
+    if ((checks & (ir::kCheckBounds | ir::kCheckUninit)) && sized && !(constant && *constant < t.count))
+      p.indices.push_back({scalar(indexId), t.count, t.kind, type(typeOf(indexId)).isSigned});
     switch (t.kind) {
       case TypeInfo::Struct: {
         if (!constant || *constant >= t.members.size()) fail("struct member index out of range");

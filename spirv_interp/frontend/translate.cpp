@@ -88,7 +88,7 @@ bool handledElsewhere(spv::Op op) {
 }
 
 Translator::Translator(const Module& m, Shader& s, std::span<const SpecializationConstant> specialization)
-    : module(m), shader(s), b(s.function), slots_(m.bound) {
+    : module(m), shader(s), b(s.function), checks(ir::wantedChecks()), slots_(m.bound) {
   for (const SpecializationConstant& constant : specialization) specialization_[constant.id] = constant.data;
 }
 
@@ -167,6 +167,10 @@ uint64_t Translator::requireConstant(uint32_t id, const char* what) const {
   auto bits = constantOf(id);
   if (!bits) fail("%s %u is not constant", what, id);
   return *bits;
+}
+
+Value Translator::watchedLanes() {
+  return stage == Stage::Fragment ? b.maskNot(b.emit(Op::HelperMask, Type::Mask, {})) : b.mask(true);
 }
 
 void Translator::translateInstruction(const Instruction& inst) {
@@ -332,8 +336,8 @@ Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stag
     translator.run(stage, entryPoint);
     tidy(shader->function);
     PUMICE_TRY(check(shader->function, "after translation"));
-    if (const unsigned checks = ir::wantedChecks()) {
-      ir::insertChecks(shader->function, checks, stage == Stage::Fragment);
+    if (translator.checks) {
+      ir::insertChecks(shader->function, translator.checks, stage == Stage::Fragment, translator.zeroedShared);
       PUMICE_TRY(check(shader->function, "with checks"));
     }
     ir::optimise(shader->function);

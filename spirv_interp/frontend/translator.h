@@ -27,6 +27,7 @@
 #include "spirv_interp/frontend/module.h"
 #include "spirv_interp/frontend/shader.h"
 #include "spirv_interp/ir/builder.h"
+#include "spirv_interp/ir/checks.h"
 
 namespace pumice::frontend {
 
@@ -120,6 +121,8 @@ struct Pointer {
   uint64_t arrayStride = 0;          //!< bytes from this element to the next of the array that it lies in; 0 = in none
   bool isVolatile = false;
   bool nonUniform = false;
+  struct Index { Value value; uint32_t count; TypeInfo::Kind of; bool isSigned; };
+  std::vector<Index> indices;        //!< that may lead out of what they index; only for PUMICE_CHECK
   //! `type` is still the array of descriptors. In a variable pointer to one `base` is the resource's number.
   bool resourceArray = false;
   // OpImageTexelPointer
@@ -212,6 +215,7 @@ class Translator {
   //! The constant that an id is.
   std::optional<uint64_t> constantOf(uint32_t id) const;
   uint64_t requireConstant(uint32_t id, const char* what) const;
+  Value watchedLanes();  //!< those that count for checks: helper invocations do not
   Value toI32(Value v, bool isSigned = true);
   Value resize(Value v, Type to, bool isSigned);  //!< integer to integer
 
@@ -242,6 +246,8 @@ class Translator {
   void store(const Pointer& p, const std::vector<Value>& scalars);
   struct BufferAddress { Value base = 0, offset = 0, size = 0; };
   BufferAddress address(const Pointer& p);
+  //! Before accesses through `p`: the flags that they get.
+  uint8_t checkIndices(const Pointer& p);
   void chooseDescriptor(Pointer& p);  //!< of a variable pointer into arrays of descriptors: the one it leads to
   bool isDynamic(uint32_t pointerId) const { return dynamicPointers_.count(pointerId) != 0; }
 
@@ -263,6 +269,8 @@ class Translator {
 
   std::unordered_map<uint32_t, Variable*> variableOfId;
   std::deque<Variable> variables;
+  const unsigned checks;             //!< of PUMICE_CHECK (ir/checks.h)
+  std::vector<ir::ByteRange> zeroedShared;  //!< work-group memory with an initializer
   bool anyMemoryWrites = false;
   bool variablePointers = false;     //!< the module may select among pointers to buffers and work-group memory
   bool storesThroughVariablePointers = false;

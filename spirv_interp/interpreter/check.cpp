@@ -8,6 +8,7 @@
 #include "base/address_ranges.h"
 #include "base/log.h"
 #include "spirv_interp/interpreter/memory.h"
+#include "spirv_interp/ir/debug_print.h"
 #include "spirv_interp/ir/fold.h"
 
 namespace pumice::interp {
@@ -17,13 +18,22 @@ using ir::CheckKind, ir::Op, ir::Type;
 
 uint64_t operand(const RunState& s, const Code* c, const CheckSite& site, unsigned k, uint32_t lane) {
   const Type t = site.types[k];
-  if (t == Type::Mask) return s.mask(c->src[k])[lane / 64] >> lane % 64 & 1;
+  const uint32_t place = c[k / kCheckOperands].src[k % kCheckOperands];
+  if (t == Type::Mask) return s.mask(place)[lane / 64] >> lane % 64 & 1;
   uint64_t v = 0;
-  std::memcpy(&v, s.registers + c->src[k] + lane * ir::typeBytes(t), ir::typeBytes(t));
+  std::memcpy(&v, s.registers + place + lane * ir::typeBytes(t), ir::typeBytes(t));
   return v;
 }
 
-std::string number(Type t, uint64_t bits) {
+int64_t signedValue(Type t, uint64_t bits) {
+  const unsigned unused = 64 - 8 * ir::typeBytes(t);
+  return int64_t(bits << unused) >> unused;
+}
+
+bool finite(Type t, uint64_t bits) { return !ir::isFloat(t) || std::isfinite(ir::floatValue(t, bits)); }
+
+std::string number(Op op, Type t, uint64_t bits) {
+  if (!ir::isFloat(t)) return std::to_string(op == Op::SToF ? signedValue(t, bits) : int64_t(bits));
   char text[40];
   const double x = ir::floatValue(t, bits);
   if (x != x) return "NaN";
@@ -84,13 +94,14 @@ std::string problem(const RunState& s, const Code* c, const CheckSite& site, uin
       if (inside(value(1), site.place.constant, bytes, value(2), at)) return {};
       return outside(site, value(1), value(2), site.place.op == Op::LocalLoad || site.place.op == Op::LocalStore ? "a private variable" : "work-group memory");
     case CheckKind::Finite: {
-      if (std::isfinite(ir::floatValue(site.types[1], value(1)))) return {};
-      std::string text = std::string("nan: ") + ir::opInfo(site.place.op).text + "(";
+      if (finite(site.types[1], value(1))) return {};
+      const Op op = site.place.op;
+      std::string text = std::string("nan: ") + ir::opInfo(op).text + (op == Op::SubgroupReduce ? "." + std::string(ir::opInfo(ir::reduceOperation(ir::ReduceOp(site.place.constant))).text) : std::string()) + "(";
       for (unsigned k = 2; k < site.count; k++) {
-        if (!std::isfinite(ir::floatValue(site.types[k], value(k)))) return {};
-        text += (k > 2 ? ", " : "") + number(site.types[k], value(k));
+        if (!finite(site.types[k], value(k))) return {};
+        text += (k > 2 ? ", " : "") + number(op, site.types[k], value(k));
       }
-      return text + ") = " + number(site.types[1], value(1));
+      return text + (op == Op::SubgroupReduce ? ", ...) = " : ") = ") + number(op, site.types[1], value(1));
     }
     case CheckKind::Texel: return value(1) < value(2) ? std::string() : texel(site, uint32_t(value(1)), uint32_t(value(2)));
     case CheckKind::Vertex: {
@@ -103,22 +114,75 @@ std::string problem(const RunState& s, const Code* c, const CheckSite& site, uin
     case CheckKind::Address: return wildAddress(site, value(1) + value(2) + site.place.constant);
     case CheckKind::Written:
       return value(1) ? std::string() : "uninit: read of a variable that has not been written";
+    case CheckKind::Index: {
+      if (value(1) < value(2)) return {};
+      static constexpr const char* kWhat[] = {"an array", "a vector", "a matrix"};
+      return "bounds: index " + std::to_string(signedValue(site.types[1], value(1))) + " of " + kWhat[site.place.constant % 3] + " of " + std::to_string(value(2));
+    }
+    case CheckKind::Print: break;
   }
   return {};
 }
 
+bool counts(const RunState& s, const Code* c, uint32_t lane) {
+  return s.active(lane) && (s.mask(c->src[0])[lane / 64] >> lane % 64 & 1);
+}
+
+//! The text without its numbers.
+std::string kindOfText(const std::string& text) {
+  std::string out;
+  for (char ch : text)
+    if (!(ch >= '0' && ch <= '9') && !std::strchr(".+-", ch)) out += ch;
+  return out;
+}
+
+constinit std::mutex printing;   // the lines of a row stay together
+
 }  // namespace
+
+bool WatchedShader::firstReport(const CheckSite& site, const std::string& text) {
+  // Without a line the numbers tell places apart.
+  std::string key = std::to_string(site.line) + ':';
+  if (site.line) {
+    key += std::to_string(uint32_t(site.place.kind)) + ':' + std::to_string(uint32_t(site.place.op)) + ':';
+    if (site.place.kind == CheckKind::Texel || site.place.kind == CheckKind::Vertex || site.place.kind == CheckKind::Index) key += std::to_string(site.place.constant);
+  }
+  key += site.line ? kindOfText(text) : text;
+  std::lock_guard lock(mutex_);
+  return said_.insert(std::move(key)).second;
+}
+
+const Code* printKernel(RunState& s, const Code* c) {
+  const CheckSite& site = *reinterpret_cast<const CheckSite*>(c->imm);
+  const Code* next = c + (site.count + kCheckOperands - 1) / kCheckOperands;
+  const ir::PrintCall& call = ir::printCall(site.place.constant);
+  std::vector<ir::PrintedScalar> values(site.count - 1);
+  std::lock_guard lock(printing);
+  bool enough = false;
+  for (uint32_t lane = 0; lane < s.lanes && !enough; lane++) {
+    if (!counts(s, c, lane)) continue;
+    for (uint32_t k = 1; k < site.count; k++) values[k - 1] = {site.types[k], operand(s, c, site, k, lane)};
+    std::string text = ir::printedText(call, values);
+    if (!text.empty() && text.back() == '\n') text.pop_back();
+    for (size_t at = 0; at <= text.size();) {
+      if ((enough = !ir::countPrintedLine())) break;
+      const size_t end = std::min(text.find('\n', at), text.size());
+      base::logPrinted("%.*s", int(end - at), text.data() + at);
+      at = end + 1;
+    }
+  }
+  return next;
+}
 
 const Code* checkKernel(RunState& s, const Code* c) {
   CheckSite& site = *reinterpret_cast<CheckSite*>(c->imm);
   if (site.reported.load(std::memory_order_relaxed)) return c + 1;
-  const uint64_t* counts = s.mask(c->src[0]);
   for (uint32_t lane = 0; lane < s.lanes; lane++) {
-    if (!s.active(lane) || !(counts[lane / 64] >> lane % 64 & 1)) continue;
+    if (!counts(s, c, lane)) continue;
     const std::string text = problem(s, c, site, lane);
     if (text.empty()) continue;
-    if (site.reported.exchange(true)) break;
-    const CheckedShader& shader = *site.shader;
+    if (site.reported.exchange(true) || !site.shader->firstReport(site, text)) break;
+    const CheckedShader& shader = site.shader->shader;
     char line[24] = "unknown line";
     if (site.line) std::snprintf(line, sizeof line, "line %u", site.line);
     base::logError("PUMICE_CHECK %s; %s, %s, %s", text.c_str(), shader.name.empty() ? "a shader" : shader.name.c_str(), line,

@@ -227,19 +227,22 @@ class Lowering {
 
   void check(const Inst& i) {
     const auto values = f_.operands(i);
-    if (values.empty() || values.size() > kMaxOperands) return fail(at_, "the interpreter cannot run this");
+    const bool prints = ir::checkPlace(i.imm).kind == ir::CheckKind::Print;
+    if (values.empty() || (values.size() > kMaxOperands && !prints)) return fail(at_, "the interpreter cannot run this");
     auto site = std::make_unique<CheckSite>();
     site->place = ir::checkPlace(i.imm);
     site->line = i.line;
     site->count = uint32_t(values.size());
-    if (!checkedShader_) checkedShader_ = std::make_shared<const CheckedShader>(checked_);
+    if (!checkedShader_) checkedShader_ = std::make_shared<WatchedShader>(checked_);
     site->shader = checkedShader_;
-    Operands src{};
-    for (size_t n = 0; n < values.size(); n++) {
-      src[n] = materialise(operand(values[n]));
-      site->types[n] = f_.type(values[n]);
+    std::vector<Operand> src;
+    for (Value v : values) {
+      src.push_back(materialise(operand(v)));
+      site->types.push_back(f_.type(v));
     }
-    list_->add(checkKernel, {}, std::span<const Operand>(src.data(), values.size()), reinterpret_cast<uintptr_t>(site.get()));
+    static_assert(kCheckOperands == kMaxOperands);
+    for (size_t n = 0; n < src.size(); n += kMaxOperands)
+      list_->add(prints ? printKernel : checkKernel, {}, std::span<const Operand>(src).subspan(n, std::min(kMaxOperands, src.size() - n)), reinterpret_cast<uintptr_t>(site.get()));
     program_.checks.push_back(std::move(site));
   }
 
@@ -385,7 +388,7 @@ class Lowering {
   Value at_ = 0;
   Program program_;
   const CheckedShader& checked_;
-  std::shared_ptr<const CheckedShader> checkedShader_;
+  std::shared_ptr<WatchedShader> checkedShader_;
   std::string error_;
 };
 

@@ -85,6 +85,7 @@ enum InstFlags : uint8_t {
   kInstNoContract = 2,    //!< SPIR-V NoContraction
   kInstNonUniform = 4,
   kInstKeep = 8,          //!< ftof that keeps the double in oracle mode (see Numerics); otherwise without meaning
+  kInstIndexed = 64,      //!< access whose indices the `check` before it looks at (checks.h)
   kInstDeclaredVariable = 32,  //!< var or local.alloc that the shader itself declares (a hint for checks.h)
   kInstDeclared = 16,     //!< comparison that rounds f16 and f32 operands to their type in oracle mode too: of what is stored
 };
