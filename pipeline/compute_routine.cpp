@@ -58,15 +58,15 @@ static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeli
   routine->code = std::move(code).value();
   routine->localSize = shader.localSize;
   routine->sharedBytes = key.numerics == ir::Numerics::Oracle ? ir::oracleSharedBytes(shader.function.sharedBytes) : shader.function.sharedBytes;
-  bool loops = false, atomics = false;
   routine->groupsApart = routine->sharedBytes || shader.usesBarrier;
+  uint32_t loops = 0;   // around the instruction
   for (const ir::Inst& i : f.insts) {
     routine->groupsApart |= (i.op >= Op::QuadDdx && i.op <= Op::SubgroupReduce) || i.op == Op::LaneId;
-    loops |= i.op == Op::Loop;
-    atomics |= i.op == Op::Atomic || i.op == Op::AtomicCas || (i.op == Op::Load && (i.flags & ir::kInstVolatile));
+    if (i.op == Op::Loop) ++loops;
+    if (i.op == Op::EndLoop) --loops;
+    if (loops) routine->waits |= i.op == Op::Atomic || i.op == Op::AtomicCas || (i.op == Op::Load && (i.flags & ir::kInstVolatile));
   }
-  // The rows of a group may wait for each other.
-  if (loops && atomics && groupSize(shader) > interp::kMaxLanes) routine->groupsApart = true;
+  routine->groupsApart |= routine->waits;
   return routine;
 }
 

@@ -1,6 +1,8 @@
 // Compute: invocations in rows, parallel over work groups.
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <memory>
 
 #include "base/fpenv.h"
 #include "base/log.h"
@@ -20,13 +22,6 @@ struct Row {
   alignas(64) uint32_t ids[6][interp::kMaxLanes];
   const void* inputs[6];
   interp::ExecContext context;
-};
-
-//! A worker's memory for groups that do not share rows; made at its first group.
-struct GroupMemory {
-  std::vector<std::byte> shared;
-  std::unique_ptr<Row[]> rows;
-  std::vector<std::unique_ptr<interp::RowState>> states;   // as many as rows had to wait at once
 };
 
 //! LocalInvocationId of all invocations of a work group, and once more of a row's worth: rows start anywhere.
@@ -87,50 +82,96 @@ struct DispatchRun {
       first += lanes;
     }
   }
+};
 
-  //! One work group, whose rows wait for each other at barriers and give way in loops.
-  void group(uint64_t index, GroupMemory& memory) const {
-    const uint32_t rowCount = (invocations + interp::kMaxLanes - 1) / interp::kMaxLanes;
-    if (!memory.rows) memory.rows = std::make_unique_for_overwrite<Row[]>(rowCount);
-    memory.shared.assign(routine.sharedBytes + 64, std::byte(0));
+//! Work groups that do not share rows, one after the other in the same memory. Rows wait for each other at barriers and
+//! give way in loops.
+class Group {
+ public:
+  //! Begins work group `index`.
+  void begin(const DispatchRun& run, uint64_t index) {
+    run_ = &run;
+    const uint32_t invocations = run.invocations, rowCount = (invocations + interp::kMaxLanes - 1) / interp::kMaxLanes;
+    if (!rows_) rows_ = std::make_unique_for_overwrite<Row[]>(rowCount);
+    shared_.assign(run.routine.sharedBytes + 64, std::byte(0));
     for (uint32_t r = 0; r < rowCount; ++r) {
-      Row& row = memory.rows[r];
-      fill(row, index * invocations + r * interp::kMaxLanes, std::min(invocations - r * interp::kMaxLanes, interp::kMaxLanes));
-      row.context.shared = memory.shared.data();
-      row.context.sharedBytes = routine.sharedBytes;
+      Row& row = rows_[r];
+      run.fill(row, index * invocations + r * interp::kMaxLanes, std::min(invocations - r * interp::kMaxLanes, interp::kMaxLanes));
+      row.context.shared = shared_.data();
+      row.context.sharedBytes = run.routine.sharedBytes;
     }
-    if (rowCount == 1) return routine.code->run(bank, memory.rows[0].context);
-
-    using interp::Progress;
-    struct Waiting {
-      interp::RowState* state;
-      Progress why;
-    };
-    Waiting waiting[kMaxGroupRows];
-    uint32_t count = 0;
+    count_ = 0;
+    if (rowCount == 1 && !run.routine.waits) return run.routine.code->run(run.bank, rows_[0].context);
     for (uint32_t r = 0; r < rowCount; ++r) {
-      if (memory.states.size() == count) memory.states.push_back(routine.code->newRowState());
-      interp::RowState* state = memory.states[count].get();
+      if (states_.size() == count_) states_.push_back(run.routine.code->newRowState());
+      interp::RowState* state = states_[count_].get();
       if (!state) {
-        memory.states.pop_back();
+        states_.pop_back();
         return base::logError("out of memory: a work group was not run");
       }
       // A row that finishes at once leaves its state to the next.
-      const Progress p = routine.code->start(bank, memory.rows[r].context, *state);
-      if (p != Progress::Finished) waiting[count++] = {state, p};
-    }
-    while (count) {
-      const bool allAtBarrier = std::all_of(waiting, waiting + count, [](const Waiting& w) { return w.why == Progress::Barrier; });
-      uint32_t left = 0;
-      for (uint32_t r = 0; r < count; ++r) {
-        Waiting w = waiting[r];
-        if (allAtBarrier || w.why == Progress::Yielded) w.why = routine.code->resume(*w.state);
-        if (w.why != Progress::Finished) waiting[left++] = w;
-      }
-      count = left;
+      const Progress p = run.routine.code->start(run.bank, rows_[r].context, *state);
+      if (p != Progress::Finished) waiting_[count_++] = {state, p};
     }
   }
+  bool finished() const { return !count_; }
+  //! Each row that can go on does, until it gives way.
+  void proceed() {
+    const bool allAtBarrier = std::all_of(waiting_, waiting_ + count_, [](const Waiting& w) { return w.why == Progress::Barrier; });
+    uint32_t left = 0;
+    for (uint32_t r = 0; r < count_; ++r) {
+      Waiting w = waiting_[r];
+      if (allAtBarrier || w.why == Progress::Yielded) w.why = run_->routine.code->resume(*w.state);
+      if (w.why != Progress::Finished) waiting_[left++] = w;
+    }
+    count_ = left;
+  }
+
+ private:
+  using Progress = interp::Progress;
+  struct Waiting {
+    interp::RowState* state;
+    Progress why;
+  };
+  const DispatchRun* run_ = nullptr;
+  std::vector<std::byte> shared_;
+  std::unique_ptr<Row[]> rows_;
+  std::vector<std::unique_ptr<interp::RowState>> states_;   // as many as rows had to wait at once
+  Waiting waiting_[kMaxGroupRows];
+  uint32_t count_ = 0;
 };
+
+//! Work groups that may wait for other work groups, whichever: one that keeps giving way lets another begin.
+void runWaiting(const DispatchRun& run, std::atomic<uint64_t>& next, uint64_t groups) {
+  constexpr size_t kMost = 4096;        // begun and not finished, of one worker
+  constexpr uint32_t kPatience = 64;    // rounds of all groups without one that finishes; less with more groups
+  std::vector<std::unique_ptr<Group>> begun, spare;
+  for (uint32_t rounds = 0;; ++rounds) {
+    if (begun.empty() || (begun.size() < kMost && rounds >= kPatience >> std::min<size_t>(begun.size(), 6))) {
+      const uint64_t index = run.stop->load(std::memory_order_relaxed) ? groups : next.fetch_add(1, std::memory_order_relaxed);
+      if (index < groups) {
+        if (spare.empty()) spare.push_back(std::make_unique<Group>());
+        begun.push_back(std::move(spare.back()));
+        spare.pop_back();
+        begun.back()->begin(run, index);
+        rounds = 0;
+      } else if (begun.empty()) {
+        return;
+      }
+    }
+    for (size_t i = 0; i < begun.size();) {
+      if (!begun[i]->finished()) begun[i]->proceed();
+      if (!begun[i]->finished()) {
+        ++i;
+        continue;
+      }
+      spare.push_back(std::move(begun[i]));
+      begun[i] = std::move(begun.back());
+      begun.pop_back();
+      rounds = 0;
+    }
+  }
+}
 
 }  // namespace
 
@@ -163,11 +204,19 @@ void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t
   const bool apart = routine->groupsApart;
   const uint64_t unit = apart ? invocations : uint64_t(kItemRows) * interp::kMaxLanes;
   const uint64_t total = groups * invocations, items = (total + unit - 1) / unit;
-  std::vector<GroupMemory> memory(apart ? pool.workerCount() : 0);
+  if (routine->waits) {
+    std::atomic<uint64_t> next = 0;
+    return pool.parallelFor(uint32_t(std::min<uint64_t>(groups, pool.workerCount())), [&](uint32_t, unsigned) { runWaiting(run, next, groups); });
+  }
+  std::vector<Group> memory(apart ? pool.workerCount() : 0);
   constexpr uint64_t kWave = 1u << 30;
   for (uint64_t done = 0; done < items; done += kWave) {
     pool.parallelFor(uint32_t(std::min(kWave, items - done)), [&](uint32_t i, unsigned worker) {
-      if (apart) return run.group(done + i, memory[worker]);
+      if (apart) {
+        Group& group = memory[worker];
+        for (group.begin(run, done + i); !group.finished();) group.proceed();
+        return;
+      }
       const uint64_t first = (done + i) * unit;
       run.stream(first, std::min(unit, total - first));
     });

@@ -129,6 +129,7 @@ struct ComputeRoutine {
   std::array<uint32_t, 3> localSize{1, 1, 1};
   uint32_t sharedBytes = 0;
   bool groupsApart = false;                 //!< a row never holds invocations of two work groups: shared memory, barriers, subgroups, waiting
+  bool waits = false;                       //!< loops hold atomic operations or volatile loads: a work group may wait for another
 };
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& pipeline, const DispatchState& dispatch);
 
