@@ -61,7 +61,10 @@ const Code* shuffle(RunState& s, const Code* c) {
   const uint32_t* lane = s.row<uint32_t>(c->src[1]);
   for (uint32_t first = 0; first < s.lanes; first += kSubgroupLanes) {
     T moved[kSubgroupLanes];   // dst may lie where an operand is
-    for (uint32_t i = 0; i < kSubgroupLanes; i++) moved[i] = a[first + (lane[first + i] & (kSubgroupLanes - 1))];
+    for (uint32_t i = 0; i < kSubgroupLanes; i++) {
+      const uint32_t from = lane[first + i] & (kSubgroupLanes - 1);
+      moved[i] = first + from < s.lanes ? a[first + from] : T(0);
+    }
     std::memcpy(dst + first, moved, sizeof moved);
   }
   return c + 1;
@@ -73,7 +76,7 @@ const Code* broadcast(RunState& s, const Code* c) {
   const T* a = s.row<T>(c->src[0]);
   const uint32_t lane = s.uniform<uint32_t>(c->src[1]) & (kSubgroupLanes - 1);
   for (uint32_t first = 0; first < s.lanes; first += kSubgroupLanes) {
-    const T v = a[first + lane];
+    const T v = first + lane < s.lanes ? a[first + lane] : T(0);
     for (uint32_t i = 0; i < kSubgroupLanes; i++) dst[first + i] = v;
   }
   return c + 1;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstring>
 #include <new>
 
 namespace pumice::interp {
@@ -21,7 +22,10 @@ class Scratch {
       operator delete(data_, std::align_val_t(kAlign));
       size_ = 0;
       data_ = static_cast<std::byte*>(operator new(bytes, std::align_val_t(kAlign), std::nothrow));
-      if (data_) size_ = bytes;
+      if (data_) {
+        std::memset(data_, 0, bytes);   // registers that nobody wrote show a shader nothing of the process
+        size_ = bytes;
+      }
     }
     return data_;
   }

@@ -1,4 +1,6 @@
 // What generated code calls.
+#include <algorithm>
+#include <bit>
 #include <cstring>
 
 #include "spirv_interp/interpreter/memory.h"
@@ -31,6 +33,7 @@ void runCallOut(std::byte* frame, const CallOut* site, ChunkCall* call) {
   s.lanes = s.rounded = site->lanes < 16 ? 16 : site->lanes;
   s.exec[0] = interp::read<uint32_t>(frame + kFrameExec);
   s.all[0] = (uint64_t(1) << s.lanes) - 1;
+  if (!site->uniform) s.lanes = std::min(s.lanes, uint32_t(std::bit_width(call->active)));
   s.registers = frame + kFrameRows;
   s.uniforms = call->bank;
   s.tables = call->tables;

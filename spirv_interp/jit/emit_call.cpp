@@ -26,6 +26,7 @@ bool Emitter::callOut(Value v) {
                                                        : kernels_.op[unsigned(i.op)][unsigned(type)][0];
   if (!site->kernel) return false;
   const bool bits = (info.flags & ir::kEffect) || i.op == Op::BitCast;   // of floats are looked at
+  site->uniform = single_;
   site->lanes = single_ ? kVectorLanes : p_.unroll * kVectorLanes;
   site->result = i.type;
   site->code.imm = i.imm;

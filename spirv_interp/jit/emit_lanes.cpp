@@ -59,7 +59,12 @@ bool Emitter::lanes(Value v) {
       return eaxToAll();
     case Op::SubgroupShuffle:
       if (wide) return false;
-      for (uint32_t part = 0; part < partsOf(i.type); part++) a_.vmovaps(frameMem(frameRow(0), part), load(o[0], part, t0()));
+      a_.mov(x86::eax, x86::dword_ptr(call_, offsetof(ChunkCall, active)));
+      for (uint32_t part = 0; part < partsOf(i.type); part++) {
+        maskFromBits(t1(), x86::eax, part);
+        a_.emit(I::kIdVandps, t1(), t1(), source(o[0], part).op());
+        a_.vmovaps(frameMem(frameRow(0), part), t1());
+      }
       if (isUniform(o[1])) {
         a_.mov(x86::eax, scalar(o[1]));
         a_.and_(x86::eax, ir::kSubgroupLanes - 1);

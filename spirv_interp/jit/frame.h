@@ -47,6 +47,7 @@ struct CallOut {
   ir::Type operands[5] = {};
   ir::Type result = ir::Type::None;
   uint32_t lanes = 0;
+  bool uniform = false;   // the elements are not the chunk's lanes
 };
 //! Called from generated code.
 void runCallOut(std::byte* frame, const CallOut* site, ChunkCall* call);
