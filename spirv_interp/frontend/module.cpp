@@ -268,13 +268,42 @@ base::Status Module::cut() {
 
 namespace {
 
-// The validator takes quadratic time, or recurses, over some absurd modules: structures of structures of thousands of
-// members, thousands of nested constructs. Those are left to the translator, which has limits of its own.
+// The validator takes quadratic or cubic time, or recurses, over some absurd modules: structures of structures of thousands
+// of members, hundreds of nested constructs. Those are left to the translator, which has limits of its own.
 constexpr size_t kMaxValidatedInstructions = 500'000;
 constexpr size_t kMaxValidatedConstructs = 3'000;  // of one function
+constexpr uint32_t kMaxValidatedNesting = 64;    // of constructs, whose cube the validator takes
 constexpr size_t kMaxValidatedFunctions = 1'000;
 constexpr uint64_t kMaxValidatedMembers = 1u << 18;  // of all structures, with those of nested ones
 constexpr uint32_t kMaxValidatedDepth = 100;
+
+// How deep constructs are nested: what a header leads to is within its construct, except its merge block.
+uint32_t nestingOf(const Module& module, const FunctionBody& function) {
+  if (function.blocks.empty()) return 0;
+  std::unordered_map<uint32_t, uint32_t> depths{{function.blocks.front().label, 0}};
+  std::vector<uint32_t> open{function.blocks.front().label};
+  uint32_t deepest = 0;
+  while (!open.empty()) {
+    const uint32_t label = open.back();
+    open.pop_back();
+    auto at = function.blockOfLabel.find(label);
+    if (at == function.blockOfLabel.end()) continue;
+    const BasicBlock& block = function.blocks[at->second];
+    const uint32_t depth = depths[label], inside = depth + (block.merge != 0);
+    deepest = std::max(deepest, inside);
+    auto enter = [&](uint32_t to, uint32_t there) {
+      if (depths.emplace(to, there).second) open.push_back(to);
+    };
+    if (block.merge) enter(block.merge, depth);
+    if (block.end == block.first) continue;
+    const Instruction& last = module.instructions[block.end - 1];
+    // Every operand: those that are no labels lead nowhere.
+    if (last.op == spv::Op::OpBranch || last.op == spv::Op::OpBranchConditional || last.op == spv::Op::OpSwitch)
+      for (size_t k = 0; k < last.count(); k++)
+        if (function.blockOfLabel.count(last.operand(k))) enter(last.operand(k), inside);
+  }
+  return deepest;
+}
 
 bool canBeValidated(const Module& module) {
   if (module.instructions.size() > kMaxValidatedInstructions || module.functions.size() > kMaxValidatedFunctions)
@@ -283,6 +312,7 @@ bool canBeValidated(const Module& module) {
     size_t constructs = 0;
     for (const BasicBlock& block : function.blocks) constructs += block.merge != 0;
     if (constructs > kMaxValidatedConstructs) return false;
+    if (constructs > kMaxValidatedNesting && nestingOf(module, function) > kMaxValidatedNesting) return false;
   }
   struct Weight {
     uint64_t members = 1;

@@ -386,7 +386,7 @@ TEST(Absurd, ManyLargeVariables) {
 }
 
 TEST(Absurd, DeeplyNestedConstructs) {
-  for (int levels : {100, 2000, 50'000}) {
+  for (int levels : {100, 1000, 2000, 50'000}) {
     Writer w;
     w.beginMain();
     std::vector<uint32_t> merges;
