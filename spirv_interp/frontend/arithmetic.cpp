@@ -236,6 +236,8 @@ void onConvert(Translator& t, const Instruction& inst, uint32_t aux) {
       out.push_back(t.resize(v, to, Op(aux) == Op::SExt));
     else if (towardsZero && Op(aux) == Op::FToF && to == Type::F16)
       out.push_back(toHalfTowardsZero(t.b, v));
+    else if (Op(aux) == Op::FToF)
+      out.push_back(convertKept(t.b, to, v));
     else
       out.push_back(t.b.convert(Op(aux), to, v));
   }

@@ -71,7 +71,7 @@ void onSAbs(const Ext& e) {
   e.each1([&](Value x) { return e.b.smax(x, e.b.isub(e.b.zero(e.b.type(x)), x)); });
 }
 
-// NaN gives 0, and so do both zeros, with their sign.
+// NaN gives 0, and so do both zeros.
 void onFSign(const Ext& e) {
   e.each1([&](Value x) {
     Value zero = e.number(x, 0);
@@ -90,11 +90,20 @@ void onSSign(const Ext& e) {
 void onFract(const Ext& e) {
   e.each1([&](Value x) { return e.b.fsub(x, e.b.ffloor(x)); });
 }
+//! x * factor, the factor in two parts: the oracle computes in double, but its f32 constants are those of f32.
+Value timesExact(const Ext& e, Value x, double factor) {
+  const Type type = e.b.type(x);
+  if (type == Type::F64) return e.b.fmul(x, e.number(x, factor));
+  const Value wide = type == Type::F32 ? x : convertKept(e.b, Type::F32, x);
+  const float high = float(factor);
+  const Value product = e.b.fma(wide, e.b.f32(high), e.b.fmul(wide, e.b.f32(float(factor - double(high)))));
+  return type == Type::F32 ? product : convertKept(e.b, type, product);
+}
 void onRadians(const Ext& e) {
-  e.each1([&](Value x) { return e.b.fmul(x, e.number(x, 0.017453292519943295)); });
+  e.each1([&](Value x) { return timesExact(e, x, 0.017453292519943295); });
 }
 void onDegrees(const Ext& e) {
-  e.each1([&](Value x) { return e.b.fmul(x, e.number(x, 57.29577951308232)); });
+  e.each1([&](Value x) { return timesExact(e, x, 57.29577951308232); });
 }
 void onInverseSqrt(const Ext& e) {
   e.each1([&](Value x) {
@@ -155,8 +164,9 @@ uint64_t asBits(Type type, int64_t n) {
   return width < 64 ? uint64_t(n) & ((uint64_t(1) << width) - 1) : uint64_t(n);
 }
 
-// In three steps, each by a normal power of two, so that results beyond the range and denormals come out
-// right (rounded once: at most the last step that leaves the normal range is inexact).
+// In three steps, each by a normal power of two, so that results beyond the range and denormals come out right and rounded
+// once: downwards the first steps leave the last one so much to do that what they may have rounded ends as zero (as in musl's
+// scalbn). Of halves in one step of f32, which holds every product.
 void onLdexp(const Ext& e) {
   const Values &x = e.data(0), &n = e.same(1);
   Values out;
@@ -172,8 +182,14 @@ void onLdexp(const Ext& e) {
                              e.b.constant(nType, asBits(nType, reach)));
     Value left = e.t.resize(clamped, s.bits, true);
     Value result = x[i];
+    if (type == Type::F16) {
+      const Value scale = powerOfTwo(e, Type::F32, e.t.resize(left, Type::I32, true));
+      out.push_back(convertKept(e.b, type, e.b.fmul(convertKept(e.b, Type::F32, result), scale)));
+      continue;
+    }
     for (int step = 0; step < 3; step++) {
       Value part = e.b.smin(e.b.smax(left, k(1 - most)), k(most));
+      if (step < 2) part = e.b.select(e.b.slt(left, k(1 - most)), k(2 - most + s.mantissa), part);
       left = e.b.isub(left, part);
       result = e.b.fmul(result, powerOfTwo(e, type, part));
     }
@@ -380,8 +396,8 @@ void onRefract(const Ext& e) {
   if (b.type(eta) != b.type(d)) eta = b.convert(Op::FToF, b.type(d), eta);
   Value one = e.number(d, 1), zero = e.number(d, 0);
   Value k = b.fma(b.fneg(b.fmul(eta, eta)), b.fma(b.fneg(d), d, one), one);
-  Value factor = b.fneg(b.fma(eta, d, b.fsqrt(k)));
   Value none = b.flt(k, zero);
+  Value factor = b.fneg(b.fma(eta, d, b.fsqrt(b.select(none, zero, k))));   // no root of a negative number: PUMICE_CHECK=nan
   Values out;
   for (size_t c = 0; c < i.size(); c++) out.push_back(b.select(none, zero, b.fma(factor, n[c], b.fmul(eta, i[c]))));
   e.define(std::move(out));

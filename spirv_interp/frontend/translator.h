@@ -353,4 +353,12 @@ class Translator {
 //! used outside of their region through variables.
 void tidy(ir::Function& f);
 
+//! A conversion between floating-point types that is arithmetic: the oracle does not round (ir::kInstKeep).
+inline Value convertKept(ir::Builder& b, Type to, Value v) {
+  b.setInstFlags(ir::kInstKeep);
+  const Value converted = b.convert(ir::Op::FToF, to, v);
+  b.setInstFlags(0);
+  return converted;
+}
+
 }  // namespace pumice::frontend

@@ -110,7 +110,7 @@ Value Builder::emit(Op op, Type type, std::span<const Value> given, uint64_t imm
   for (size_t i = 0; constant && i < operands.size(); ++i) constant = isConstant(operands[i], &args[i]);
   uint64_t folded = 0;
   // A conversion that keeps the double may not be rounded here either.
-  if (instFlags_ & kInstKeep) constant = false;
+  if ((instFlags_ & kInstKeep) && typeBytes(type) < typeBytes(this->type(operands.back()))) constant = false;
   if (constant && foldConstant(op, type, this->type(operands.back()), {args, operands.size()}, folded))
     return this->constant(type, folded);
   if (!operands.empty())

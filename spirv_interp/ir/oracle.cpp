@@ -33,7 +33,7 @@ class Widener {
     Value narrow = 0, wide = 0;   // values that are not small floats: narrow
   };
 
-  bool keeps(const Inst& i) const { return i.op == Op::FToF && (i.flags & kInstKeep) && (i.type == Type::F64) != (in_.type(in_.operands(i)[0]) == Type::F64); }
+  bool keeps(const Inst& i) const { return i.op == Op::FToF && (i.flags & kInstKeep); }
   static bool moves(Op op) { return op == Op::Select || op == Op::FNeg || op == Op::FAbs || op == Op::QuadSwizzle || op == Op::SubgroupShuffle; }
   //! Private arrays and work-group memory keep the double beside the declared value.
   static bool remembers(Op op) { return op == Op::LocalLoad || op == Op::SharedLoad; }
@@ -43,7 +43,7 @@ class Widener {
     const Inst& i = in_.insts[v];
     const auto o = in_.operands(i);
     if (computes(i.op) || i.op == Op::SToF || i.op == Op::UToF || remembers(i.op)) return true;
-    if (i.op == Op::FToF) return keeps(i);
+    if (i.op == Op::FToF) return keeps(i) && (!isSmall(in_.type(o[0])) || wide_[o[0]]);
     if (i.op == Op::VarGet) return wide_[o[0]];
     if (i.op == Op::Select) return wide_[o[1]] || wide_[o[2]];
     return moves(i.op) && wide_[o[0]];
@@ -70,7 +70,7 @@ class Widener {
     if (moves(i.op)) return wide_[v];
     if (i.op == Op::VarSet) return wide_[o[0]];
     if (i.op == Op::FToS || i.op == Op::FToU) return wide_[o[k]];
-    if (i.op == Op::FToF) return keeps(i);
+    if (i.op == Op::FToF) return keeps(i) && (!isSmall(i.type) || wide_[v]);
     if (opInfo(i.op).operands == OperandRule::CmpF) return !(i.flags & kInstDeclared) && (wide_[o[0]] || wide_[o[1]]);
     return false;
   }
@@ -93,7 +93,7 @@ class Widener {
     const auto o = in_.operands(i);
     b_.setLine(i.line);
     b_.setInstFlags(i.flags);
-    if (keeps(i)) return define(v, isSmall(in_.type(o[0])) ? form_[o[0]].wide : form_[o[0]].narrow);
+    if (keeps(i) && (!isSmall(i.type) || wide_[v])) return define(v, isSmall(in_.type(o[0])) ? form_[o[0]].wide : form_[o[0]].narrow);
     operands_.clear();
     for (size_t k = 0; k < o.size(); ++k) {
       const bool small = isSmall(in_.type(o[k]));

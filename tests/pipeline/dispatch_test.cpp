@@ -190,6 +190,79 @@ void main() {
   }
 }
 
+TEST(Dispatch, WorkGroupsThatWaitForOthersLetThemBegin) {
+  // Each for the next one; and all in turn, backwards and three times, for a token.
+  for (const char* code : {"if (g + 1u < n) while (atomicAdd(data[g + 1u], 0u) == 0u) { } atomicExchange(data[g], 1u);",
+                           "if (g + 1u < n) while (waited[g + 1u] == 0u) { } waited[g] = 1u;",
+                           "for (uint k = 0u; k < 3u; k++) { while (atomicAdd(data[0], 0u) != k * n + n - 1u - g) { } atomicAdd(data[0], 1u); }"})
+    for (uint32_t size : {1u, 64u, 512u}) {
+      Compute c(R"(#version 450
+layout(local_size_x = )" + std::to_string(size) + R"() in;
+layout(set = 0, binding = 0) buffer B { uint data[]; };
+layout(set = 0, binding = 0) coherent volatile buffer C { uint waited[]; };
+void main() {
+  uint g = gl_WorkGroupID.x, n = gl_NumWorkGroups.x;
+  if (gl_LocalInvocationIndex == 0u) { )" + std::string(code) + R"( }
+  data[64u + gl_GlobalInvocationID.x] = g + 1u;
+})",
+                64 + 40 * size);
+      ASSERT_EQ(c.error, "");
+      c.run(2, {40, 1, 1});
+      for (uint32_t i = 0; i < 40 * size; ++i) ASSERT_EQ(c.data[64 + i], i / size + 1) << code;
+    }
+}
+
+TEST(Dispatch, LanesThatAreNotThereHoldZeroForTheOthers) {
+  for (const char* type : {"uint", "uint64_t", "uint16_t"}) {
+    Compute c(R"(#version 450
+#extension GL_KHR_shader_subgroup_shuffle : require
+#extension GL_KHR_shader_subgroup_ballot : require
+#extension GL_EXT_shader_explicit_arithmetic_types : require
+#extension GL_EXT_shader_subgroup_extended_types_int64 : require
+#extension GL_EXT_shader_subgroup_extended_types_int16 : require
+#define T )" + std::string(type) + R"(
+layout(local_size_x = 40) in;
+layout(set = 0, binding = 0) buffer B { uint data[]; };
+void main() {
+  T mine = T(gl_LocalInvocationIndex + 100u);
+  data[gl_GlobalInvocationID.x * 2u] = uint(subgroupShuffleXor(mine, 16u));
+  data[gl_GlobalInvocationID.x * 2u + 1u] = uint(subgroupBroadcast(mine, 20u));
+})",
+              800);
+    ASSERT_EQ(c.error, "");
+    c.run(2, {10, 1, 1});
+    for (uint32_t i = 0; i < 400; ++i) {
+      ASSERT_EQ(c.data[i * 2], i % 40 < 32 ? 100 + (i % 40 ^ 16) : 0) << type << " " << i;
+      ASSERT_EQ(c.data[i * 2 + 1], i % 40 < 32 ? 120 : 0) << type << " " << i;
+    }
+  }
+}
+
+TEST(Dispatch, TheOracleKeepsTheDoubleInConversionsAndAngles) {
+  // Residuals in units of 2^-40: below one in double, thousands in f32.
+  for (const auto numerics : {ir::Numerics::F32, ir::Numerics::Oracle}) {
+    Compute c(R"(#version 450
+#extension GL_EXT_shader_explicit_arithmetic_types : require
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0) buffer B { float data[]; };
+void main() {
+  float n = float(gl_LocalInvocationIndex * 3u + 1u), third = n / 3.0;
+  float16_t halfThird = float16_t(n) / float16_t(3.0);
+  vec4 r = vec4(float(double(third) * 3.0lf - double(n)), float(halfThird) * 3.0 - n, float(float16_t(third)) * 3.0 - n, degrees(radians(third)) - third);
+  for (uint k = 0u; k < 4u; k++) data[gl_LocalInvocationIndex * 4u + k] = abs(r[k]) / n * 1099511627776.0;
+})",
+              256, numerics);
+    ASSERT_EQ(c.error, "");
+    c.run(1, {1, 1, 1});
+    float worst[4] = {};
+    for (uint32_t i = 0; i < 256; ++i) worst[i % 4] = std::max(worst[i % 4], std::bit_cast<float>(c.data[i]));
+    for (float w : worst) {
+      if (numerics == ir::Numerics::Oracle) EXPECT_LT(w, 1);
+      else EXPECT_GT(w, 1000);
+    }
+  }
+}
+
 TEST(Dispatch, TheOracleComputesInDouble) {
   for (const auto numerics : {ir::Numerics::F32, ir::Numerics::Oracle}) {
     Compute c(R"(#version 450
