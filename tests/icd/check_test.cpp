@@ -227,6 +227,25 @@ void main() {
   EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3) << text;
 }
 
+TEST(Check, takesAnInitializerOfWorkGroupMemoryForAWrite) {
+  const std::string text = reports("uninit", R"(#version 450
+#extension GL_EXT_null_initializer : require
+layout(local_size_x = 8) in;
+layout(set = 0, binding = 0) buffer B { uint v[]; } b;
+shared uint before[8];
+shared uint zero[8] = {};
+shared uint after[8];
+void main() {
+  uint i = gl_LocalInvocationIndex;
+  b.v[i] = zero[i];
+  b.v[i] = before[i];
+  b.v[i] = after[i];
+}
+)", 1, true);
+  for (const char* line : {"line 11,", "line 12,"}) EXPECT_NE(text.find(line), std::string::npos) << line << " in\n" << text;
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2) << text;
+}
+
 TEST(Check, namesSumsThatOverflow) {
   const std::string text = reports("nan", R"(#version 450
 #extension GL_KHR_shader_subgroup_arithmetic : require
