@@ -30,6 +30,8 @@ constexpr StateBit kBits[] = {
     {VK_DYNAMIC_STATE_DEPTH_BIAS_ENABLE, kDynamicDepthBias},
     {VK_DYNAMIC_STATE_PRIMITIVE_RESTART_ENABLE, kDynamicPrimitiveRestart},
     {VK_DYNAMIC_STATE_VERTEX_INPUT_EXT, kDynamicVertexInput},
+    {VK_DYNAMIC_STATE_COLOR_WRITE_ENABLE_EXT, kDynamicColorWrite},
+    {VK_DYNAMIC_STATE_LOGIC_OP_EXT, kDynamicLogicOp},
 };
 
 void setOps(VkStencilOpState& to, const VkStencilOpState& from) {
@@ -68,6 +70,8 @@ void apply(pipeline::GraphicsState& s, uint32_t mask, const ExtendedState& v) {
   if (mask & kDynamicRasterizerDiscard) s.rasterizerDiscard = v.rasterizerDiscard;
   if (mask & kDynamicDepthBias) s.depthBias = v.depthBias;
   if (mask & kDynamicPrimitiveRestart) s.primitiveRestart = v.primitiveRestart;
+  if (mask & kDynamicColorWrite) leaveOutColorWrites(s, v.colorWrites);
+  if (mask & kDynamicLogicOp) s.logicOp = VkLogicOp(v.logicOp);
   leaveOutMissingAspects(s);
 }
 
@@ -78,6 +82,11 @@ void leaveOutMissingAspects(pipeline::GraphicsState& s) {
   if (!any || !s.depthAttached) s.depthTest = s.depthBoundsTest = false;
   if (!any || !s.stencilAttached) s.stencilTest = false;
   s.depthWrite = s.depthWrite && s.depthTest;
+}
+
+void leaveOutColorWrites(pipeline::GraphicsState& s, uint32_t enabled) {
+  for (size_t i = 0; i < s.blend.size(); i++)
+    if (!(enabled >> i & 1)) s.blend[i].colorWriteMask = 0;
 }
 
 uint32_t extendedBit(VkDynamicState state) {
@@ -101,6 +110,8 @@ std::string PipelineFamily::keyOf(const ExtendedState& values) const {
   take(kDynamicRasterizerDiscard, relevant.rasterizerDiscard, values.rasterizerDiscard);
   take(kDynamicDepthBias, relevant.depthBias, values.depthBias);
   take(kDynamicPrimitiveRestart, relevant.primitiveRestart, values.primitiveRestart);
+  take(kDynamicColorWrite, relevant.colorWrites, values.colorWrites);
+  take(kDynamicLogicOp, relevant.logicOp, values.logicOp);
   if (mask_ & kDynamicStencilOp) std::memcpy(relevant.stencil, values.stencil, sizeof relevant.stencil);
   const auto& input = values.vertexInput;
   if (mask_ & kDynamicVertexInput)
@@ -153,6 +164,7 @@ PUMICE_SETTER(vkCmdSetStencilTestEnable, VkBool32, stencilTest)
 PUMICE_SETTER(vkCmdSetRasterizerDiscardEnable, VkBool32, rasterizerDiscard)
 PUMICE_SETTER(vkCmdSetDepthBiasEnable, VkBool32, depthBias)
 PUMICE_SETTER(vkCmdSetPrimitiveRestartEnable, VkBool32, primitiveRestart)
+PUMICE_SETTER(vkCmdSetLogicOpEXT, VkLogicOp, logicOp)
 #undef PUMICE_SETTER
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilOp(VkCommandBuffer buffer, VkStencilFaceFlags faces, VkStencilOp fail, VkStencilOp pass, VkStencilOp depthFail, VkCompareOp compare) {
@@ -162,8 +174,13 @@ VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilOp(VkCommandBuffer buffer, VkStencilFa
   from(buffer)->captured = nullptr;
 }
 
-// Of features that are not there.
-VKAPI_ATTR void VKAPI_CALL vkCmdSetLogicOpEXT(VkCommandBuffer, VkLogicOp) {}
+VKAPI_ATTR void VKAPI_CALL vkCmdSetColorWriteEnableEXT(VkCommandBuffer buffer, uint32_t count, const VkBool32* enables) {
+  uint32_t& writes = from(buffer)->extended.colorWrites;
+  for (uint32_t i = 0; i < count && i < pipeline::kMaxColorAttachments; i++) writes = (writes & ~(1u << i)) | (enables[i] ? 1u << i : 0);
+  from(buffer)->captured = nullptr;
+}
+
+// Of a feature that is not there.
 VKAPI_ATTR void VKAPI_CALL vkCmdSetPatchControlPointsEXT(VkCommandBuffer, uint32_t) {}
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetViewportWithCount(VkCommandBuffer b, uint32_t count, const VkViewport* viewports) { vkCmdSetViewport(b, 0, count, viewports); }

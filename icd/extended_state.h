@@ -27,6 +27,8 @@ enum ExtendedBit : uint32_t {
   kDynamicDepthBias = 1 << 11,
   kDynamicPrimitiveRestart = 1 << 12,
   kDynamicVertexInput = 1 << 13,
+  kDynamicColorWrite = 1 << 14,
+  kDynamicLogicOp = 1 << 15,
 };
 //! 0 for states of other kinds.
 uint32_t extendedBit(VkDynamicState state);
@@ -34,11 +36,15 @@ uint32_t extendedBit(VkDynamicState state);
 //! Tests whose aspect is not attached are off, and without the test depth is not written.
 void leaveOutMissingAspects(pipeline::GraphicsState& s);
 
+//! Colour attachments without their bit are not written.
+void leaveOutColorWrites(pipeline::GraphicsState& s, uint32_t enabled);
+
 //! Values set so far in a command buffer. Zero-initialised; compared as bytes.
 struct ExtendedState {
   uint32_t cullMode = 0, frontFace = 0, topology = 0;
   uint32_t depthTest = 0, depthWrite = 0, depthCompare = 0, depthBoundsTest = 0, stencilTest = 0;
   uint32_t rasterizerDiscard = 0, depthBias = 0, primitiveRestart = 0;
+  uint32_t colorWrites = 0, logicOp = 0;   //!< colorWrites: a bit per attachment
   VkStencilOpState stencil[2] = {};    //!< front, back: operations and compare op only
   uint32_t strides[pipeline::kMaxVertexBindings] = {};
   // Vertex input; of bindings without their strides. Last, because the key takes only what is used of it.

@@ -166,6 +166,8 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
   }
   if (s.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) return s;
   if (auto* v = info.pViewportState) {
+    if (auto* control = findInChain<VkPipelineViewportDepthClipControlCreateInfoEXT>(v->pNext, VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_DEPTH_CLIP_CONTROL_CREATE_INFO_EXT))
+      s.depthFromMinusOne = control->negativeOneToOne;
     // A count of 0 is one that comes with the dynamic state.
     s.viewportCount = v->viewportCount ? v->viewportCount : raster::kMaxViewports;
     if (v->pViewports && v->viewportCount) {
@@ -218,6 +220,13 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.logicOp = c->logicOp;
     s.blend.assign(c->pAttachments, c->pAttachments + c->attachmentCount);
     std::copy_n(c->blendConstants, 4, s.blendConstants);
+    auto* writes = findInChain<VkPipelineColorWriteCreateInfoEXT>(c->pNext, VK_STRUCTURE_TYPE_PIPELINE_COLOR_WRITE_CREATE_INFO_EXT);
+    if (writes && !(extended & kDynamicColorWrite)) {
+      uint32_t enabled = ~0u;
+      for (uint32_t i = 0; i < writes->attachmentCount && i < pipeline::kMaxColorAttachments; i++)
+        if (!writes->pColorWriteEnables[i]) enabled &= ~(1u << i);
+      leaveOutColorWrites(s, enabled);
+    }
   }
   return s;
 }

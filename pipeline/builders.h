@@ -47,7 +47,8 @@ texture::Texel fetchAttribute(ir::Builder& b, const GraphicsState& state, uint32
 
 //! Depth bounds, stencil and depth test of one sample, in this order, with their writes. `live` (0 = all active lanes) are the
 //! lanes to test; gives the lanes that pass (0 = all active). `depth` is f32, already clamped.
-ir::Value testSample(ir::Builder& b, const GraphicsState& state, uint32_t sample, ir::Value live, ir::Value depth);
+//! `stencilReference` (i32; 0 = the draw's): the shader's own.
+ir::Value testSample(ir::Builder& b, const GraphicsState& state, uint32_t sample, ir::Value live, ir::Value depth, ir::Value stencilReference = 0);
 //! Whether testSample does anything.
 bool testsSamples(const GraphicsState& state);
 

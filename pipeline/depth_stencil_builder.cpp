@@ -83,7 +83,7 @@ bool testsSamples(const GraphicsState& s) {
   return (f->hasDepth() && (s.depthTest || s.depthBoundsTest)) || (f->hasStencil() && s.stencilTest);
 }
 
-Value testSample(ir::Builder& b, const GraphicsState& s, uint32_t sample, Value live, Value depth) {
+Value testSample(ir::Builder& b, const GraphicsState& s, uint32_t sample, Value live, Value depth, Value stencilReference) {
   const texture::FormatInfo* format = texture::formatInfo(s.depthStencilFormat);
   if (!format || !testsSamples(s)) return live;
   const DepthPlane plane{format, depthPlane(sample, s.samples)};
@@ -113,7 +113,7 @@ Value testSample(ir::Builder& b, const GraphicsState& s, uint32_t sample, Value 
     const auto field = [&](size_t offset) {
       return b.select(front, drawField(b, Type::I32, offset, 0), drawField(b, Type::I32, offset, 1));
     };
-    const Value reference = field(offsetof(DrawConstants, stencilReference));
+    const Value reference = stencilReference ? stencilReference : field(offsetof(DrawConstants, stencilReference));
     const Value compareBits = field(offsetof(DrawConstants, stencilCompareMask));
     const Value writeBits = field(offsetof(DrawConstants, stencilWriteMask));
     const Value stored = b.convert(Op::ZExt, Type::I32, b.tileLoad(Type::I8, stencil, 1, 0));

@@ -367,6 +367,7 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   setup.frontFace = fixed.frontFace;
   setup.depthClampEnable = fixed.depthClamp;
   setup.depthClipEnable = fixed.depthClip;
+  setup.depthFromMinusOne = fixed.depthFromMinusOne;
   setup.depthBiasEnable = fixed.depthBias;
   setup.depthBiasConstant = state.depthBiasConstant;
   setup.depthBiasClamp = state.depthBiasClamp;

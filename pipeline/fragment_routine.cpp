@@ -42,6 +42,7 @@ Value quadAny(ir::Builder& b, Value m) {
 
 struct ShaderTraits {
   bool writesSampleMask = false;
+  bool writesStencilRef = false;
   bool early = true;       // tests before the shader
   bool needsHelpers = false;
   bool guarded = false;    // there may be lanes whose memory accesses must not happen
@@ -54,13 +55,14 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
   for (uint64_t imm : writtenOutputs(*shader)) {
     const auto& v = shader->outputs[imm >> 32];
     if (v.builtIn && v.location == kSampleMask) t.writesSampleMask = true;
+    if (v.builtIn && v.location == kFragStencilRef) t.writesStencilRef = true;
   }
   // What a test writes must not be there yet when the shader reads that attachment.
   const bool readsAttachments = std::any_of(shader->resources.begin(), shader->resources.end(), [](const frontend::Resource& r) {
     return r.kind == frontend::ResourceKind::InputAttachment;
   });
   t.early = shader->earlyFragmentTests || !(shader->mayDiscard || shader->writesDepth || shader->writesMemory || readsAttachments ||
-                                            state.alphaToCoverage || t.writesSampleMask);
+                                            state.alphaToCoverage || t.writesSampleMask || t.writesStencilRef);
   t.needsHelpers = shader->usesDerivatives;
   // A fraction of the samples may be shaded; all of them always satisfies it.
   t.perSample = state.samples > 1 && (shader->usesSampleRate || (state.sampleShading && state.minSampleShading * float(state.samples) > 1));
@@ -82,6 +84,7 @@ class FragmentExpander : public StageExpander {
       if (v.builtIn) {
         if (v.location == kFragDepth) depth_ = b.var(Type::F32);
         if (v.location == kSampleMask) sampleMask_ = b.var(Type::I32);
+        if (v.location == kFragStencilRef) stencilRef_ = b.var(Type::I32);
       } else if (p.location < s.colorCount && p.component < 4 && writesColor(s, p.location) && !colors_.count({p.location, p.index})) {
         const bool integer = texture::formatInfo(s.colorFormats[p.location])->isInteger();
         Texel& t = colors_[{p.location, p.index}];
@@ -103,6 +106,7 @@ class FragmentExpander : public StageExpander {
   Value killed() const { return killed_; }
   Value depth() const { return depth_; }
   Value sampleMask() const { return sampleMask_; }
+  Value stencilRef() const { return stencilRef_; }
   Value alpha() const { return alpha_; }
   bool writes(uint32_t attachment) const { return colors_.count({attachment, 0}) != 0; }
   Texel color(ir::Builder& b, uint32_t attachment, uint32_t index) const {
@@ -142,6 +146,7 @@ class FragmentExpander : public StageExpander {
     if (v.builtIn) {
       if (v.location == kFragDepth) b.set(depth_, toType(b, Type::F32, value));
       if (v.location == kSampleMask && component == 0) b.set(sampleMask_, toType(b, Type::I32, value));
+      if (v.location == kFragStencilRef) b.set(stencilRef_, toType(b, Type::I32, value));
       return;
     }
     if (alpha_ && p == Place{0, 3, 0}) b.set(alpha_, toType(b, Type::F32, value));
@@ -210,7 +215,7 @@ class FragmentExpander : public StageExpander {
   const bool flat_;   //!< 1/w is 1
   const bool wide_;   //!< records are
   std::map<std::pair<uint32_t, uint32_t>, Texel> colors_;   // (attachment, index) -> variables
-  Value depth_ = 0, sampleMask_ = 0, alpha_ = 0, killed_ = 0;
+  Value depth_ = 0, sampleMask_ = 0, stencilRef_ = 0, alpha_ = 0, killed_ = 0;
   Value x_ = 0, y_ = 0, covered_ = 0, fragDepth_ = 0, coverage_ = 0;
   Value centreX_ = 0, centreY_ = 0;   // of the pixel; x_ and y_ are where it is shaded
   Value rasterized_ = 0;   // coverage before the sample mask: what centroid is made of
@@ -500,6 +505,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   const Value alive = expander.killed() ? b.maskNot(b.get(expander.killed())) : 0;
   const Value shaderDepth = expander.depth() && !(shader && shader->earlyFragmentTests)
                                 ? clampDepth(b, pipeline, b.get(expander.depth()), true) : 0;
+  const Value stencilRef = expander.stencilRef() ? b.get(expander.stencilRef()) : 0;
   std::vector<Texel> colors(state.colorCount), colors1(state.colorCount);
   for (uint32_t a = 0; a < state.colorCount; ++a)
     if (expander.writes(a)) colors[a] = expander.color(b, a, 0), colors1[a] = expander.color(b, a, 1);
@@ -522,7 +528,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
       const Value number = t.perSample ? b.convert(Op::SToF, Type::F32, sampleNumber) : b.f32(float(s));
       live[s] = both(b, live[s], b.fle(b.fmul(b.fadd(number, b.f32(0.5f)), b.f32(1.0f / float(state.samples))), alpha));
     }
-    if (!t.early && !key.settled) live[s] = testSample(b, state, s, live[s], shaderDepth ? shaderDepth : depthAt(s));
+    if (!t.early && !key.settled) live[s] = testSample(b, state, s, live[s], shaderDepth ? shaderDepth : depthAt(s), stencilRef);
     const bool guarded = live[s] && live[s] != run;
     if (guarded) b.beginIf(live[s]);
     for (uint32_t a = 0; a < state.colorCount; ++a)

@@ -18,6 +18,7 @@ enum BuiltIn : uint32_t {
   kFragDepth = 22, kHelperInvocation = 23, kNumWorkgroups = 24, kWorkgroupSize = 25, kWorkgroupId = 26,
   kLocalInvocationId = 27, kGlobalInvocationId = 28, kLocalInvocationIndex = 29, kVertexIndex = 42, kInstanceIndex = 43,
   kBaseVertex = 4424, kBaseInstance = 4425, kDrawIndex = 4426, kDeviceIndex = 4438, kViewIndex = 4440,
+  kFragStencilRef = 5014,
 };
 
 //! Location and component of one scalar of an interface variable (component = e * 4 + c as in ShaderInput's imm).

@@ -30,6 +30,7 @@ struct GraphicsState {
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
   bool primitiveRestart = false;
   bool rasterizerDiscard = false, depthClamp = false, depthClip = true, depthBias = false;
+  bool depthFromMinusOne = false;      //!< clip-space depth goes from -w to w (VK_EXT_depth_clip_control)
   bool unrestrictedDepth = false;      //!< float depths outside [0, 1] are kept (VK_EXT_depth_range_unrestricted)
   bool provokingLast = false;
   raster::LineMode lineMode = raster::LineMode::Rectangular;

@@ -75,6 +75,7 @@ struct SetupState {
   VkCullModeFlags cullMode = 0;
   VkFrontFace frontFace = VK_FRONT_FACE_COUNTER_CLOCKWISE;
   bool depthClampEnable = false;
+  bool depthFromMinusOne = false;    //!< clip-space depth goes from -w to w
   bool depthClipEnable = true;       //!< near and far clip where this is set and depthClampEnable is not
   bool provokingLast = false;
   bool depthBiasEnable = false;

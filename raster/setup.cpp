@@ -176,7 +176,7 @@ bool SetupContext::load(uint32_t slot, uint32_t weight, SetupVertex& vertex) con
   constexpr double kEndless = 0x1p200;
   if (vertices_.wideRows && !(std::fabs(x) < kEndless && std::fabs(y) < kEndless && std::fabs(z) < kEndless && std::fabs(w) < kEndless)) return false;
   if (!(vertex.clip.x * 0 + vertex.clip.y * 0 + z * 0 + w * 0 == 0)) return false;
-  vertex.clip.z = z;
+  vertex.clip.z = state_.depthFromMinusOne ? (z + w) / 2 : z;
   vertex.clip.w = w;
   vertex.clip.weight[0] = vertex.clip.weight[1] = vertex.clip.weight[2] = 0;
   vertex.clip.weight[weight] = 1;

@@ -49,12 +49,17 @@ struct GraphicsSpec {
   VkSampleCountFlagBits samples = VK_SAMPLE_COUNT_1_BIT;
   VkPrimitiveTopology topology = VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST;
   bool depthTest = false, depthWrite = true, stencilTest = false;
-  uint32_t stencilReference = 0;         // replaces
+  uint32_t stencilReference = 0;         // replaces, unless `stencilOps` says otherwise
   std::vector<VkPipelineColorBlendAttachmentState> blends;   // none: no blending, all components
   std::vector<VkDynamicState> dynamic;   // besides viewport and scissor
   std::vector<VkVertexInputBindingDescription> bindings;
   std::vector<VkVertexInputAttributeDescription> attributes;
-  const void* inputNext = nullptr;
+  const void *inputNext = nullptr, *viewportNext = nullptr, *blendNext = nullptr;
+  bool logicOp = false;                  // dynamic
+  bool depthClamp = false;
+  VkPipelineColorBlendStateCreateFlags blendFlags = 0;
+  VkPipelineDepthStencilStateCreateFlags depthFlags = 0;
+  VkStencilOpState stencilOps{VK_STENCIL_OP_KEEP, VK_STENCIL_OP_REPLACE, VK_STENCIL_OP_KEEP, VK_COMPARE_OP_ALWAYS, 0xff, 0xff, 0};
   bool primitiveRestart = false;
   bool alphaToCoverage = false;
   VkPipelineCreateFlags flags = 0;
@@ -83,21 +88,25 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   bool counted = std::find(spec.dynamic.begin(), spec.dynamic.end(), VK_DYNAMIC_STATE_VIEWPORT_WITH_COUNT) != spec.dynamic.end();
   VkPipelineViewportStateCreateInfo viewport{};
   viewport.sType = VK_STRUCTURE_TYPE_PIPELINE_VIEWPORT_STATE_CREATE_INFO;
+  viewport.pNext = spec.viewportNext;
   viewport.viewportCount = viewport.scissorCount = counted ? 0 : 1;
   VkPipelineRasterizationStateCreateInfo raster{};
   raster.sType = VK_STRUCTURE_TYPE_PIPELINE_RASTERIZATION_STATE_CREATE_INFO;
   raster.lineWidth = 1;
+  raster.depthClampEnable = spec.depthClamp;
   VkPipelineMultisampleStateCreateInfo multisample{};
   multisample.sType = VK_STRUCTURE_TYPE_PIPELINE_MULTISAMPLE_STATE_CREATE_INFO;
   multisample.rasterizationSamples = spec.samples;
   multisample.alphaToCoverageEnable = spec.alphaToCoverage;
   VkPipelineDepthStencilStateCreateInfo depth{};
   depth.sType = VK_STRUCTURE_TYPE_PIPELINE_DEPTH_STENCIL_STATE_CREATE_INFO;
+  depth.flags = spec.depthFlags;
   depth.depthTestEnable = spec.depthTest;
   depth.depthWriteEnable = spec.depthTest && spec.depthWrite;
   depth.depthCompareOp = VK_COMPARE_OP_LESS;
   depth.stencilTestEnable = spec.stencilTest;
-  depth.front = {VK_STENCIL_OP_KEEP, VK_STENCIL_OP_REPLACE, VK_STENCIL_OP_KEEP, VK_COMPARE_OP_ALWAYS, 0xff, 0xff, spec.stencilReference};
+  depth.front = spec.stencilOps;
+  depth.front.reference = spec.stencilReference;
   depth.back = depth.front;
   std::vector<VkPipelineColorBlendAttachmentState> attachments = spec.blends;
   VkPipelineColorBlendAttachmentState written{};
@@ -105,6 +114,9 @@ inline VkResult tryGraphics(Workspace& work, VkPipelineLayout layout, const Grap
   attachments.resize(spec.pass ? spec.colorCount : spec.colors.size(), written);
   VkPipelineColorBlendStateCreateInfo blend{};
   blend.sType = VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO;
+  blend.pNext = spec.blendNext;
+  blend.flags = spec.blendFlags;
+  blend.logicOpEnable = spec.logicOp;
   blend.attachmentCount = uint32_t(attachments.size());
   blend.pAttachments = attachments.data();
   std::vector<VkDynamicState> dynamic = spec.dynamic;
