@@ -314,7 +314,11 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindIndexBuffer(VkCommandBuffer buffer, VkBuffer
 // --- draws and dispatches
 
 static void recordDraw(CommandBuffer& cb, const pipeline::DrawParams& params) {
-  if (const pipeline::DrawState* state = cb.captureDraw()) cb.record([state, params](Execution& e) { e.pass.draw(*state, params); });
+  const pipeline::DrawState* state = cb.captureDraw();
+  if (!state) return;
+  cb.record([state, params](Execution& e) {
+    if (!e.skips) e.pass.draw(*state, params);
+  });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdDraw(VkCommandBuffer buffer, uint32_t vertices, uint32_t instances, uint32_t first, uint32_t firstInstance) {
@@ -340,6 +344,7 @@ static void recordIndirect(CommandBuffer& cb, VkBuffer handle, uint64_t offset, 
   texture::BufferMemory range = from(handle)->range(offset), counter = countHandle ? from(countHandle)->range(countOffset) : texture::BufferMemory{};
   bool counted = countHandle;
   cb.record([=](Execution& e) {
+    if (e.skips) return;
     uint32_t n = count, limit = 0;
     if (counted) {
       if (counter.size >= 4) std::memcpy(&limit, counter.base, 4);
@@ -400,6 +405,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdDispatchBase(VkCommandBuffer buffer, uint32_t bx
   CommandBuffer& cb = *from(buffer);
   if (!cb.dispatch.pipeline) return;
   cb.record([state = cb.dispatch, bx, by, bz, x, y, z](Execution& e) {
+    if (e.skips) return;
     const uint32_t base[3] = {bx, by, bz}, count[3] = {x, y, z};
     pipeline::dispatch(e.pool, state, base, count);
     countInvocations(e, state, count);
@@ -412,11 +418,25 @@ VKAPI_ATTR void VKAPI_CALL vkCmdDispatchIndirect(VkCommandBuffer buffer, VkBuffe
   CommandBuffer& cb = *from(buffer);
   if (!cb.dispatch.pipeline) return;
   cb.record([state = cb.dispatch, range = from(handle)->range(offset)](Execution& e) {
+    if (e.skips) return;
     uint32_t base[3] = {}, count[3] = {};
     if (range.size >= sizeof count) std::memcpy(count, range.base, sizeof count);
     pipeline::dispatch(e.pool, state, base, count);
     countInvocations(e, state, count);
   });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdBeginConditionalRenderingEXT(VkCommandBuffer buffer, const VkConditionalRenderingBeginInfoEXT* info) {
+  const bool inverted = info->flags & VK_CONDITIONAL_RENDERING_INVERTED_BIT_EXT;
+  from(buffer)->record([range = from(info->buffer)->range(info->offset), inverted](Execution& e) {
+    uint32_t predicate = 0;
+    if (range.size >= sizeof predicate) std::memcpy(&predicate, range.base, sizeof predicate);
+    e.skips = (predicate != 0) == inverted;
+  });
+}
+
+VKAPI_ATTR void VKAPI_CALL vkCmdEndConditionalRenderingEXT(VkCommandBuffer buffer) {
+  from(buffer)->record([](Execution& e) { e.skips = false; });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetDeviceMask(VkCommandBuffer, uint32_t) {}

@@ -45,6 +45,7 @@ struct Execution {
   Command* current = nullptr;                 //!< being executed
   Command* scopeStart = nullptr;              //!< first command of the subpass
   Command* jump = nullptr;                    //!< where execution goes on, if not at the next command
+  bool skips = false;                         //!< conditional rendering: draws, dispatches and clears of attachments do nothing
   // Occlusion
   Query* occlusion = nullptr;                 //!< begun, not ended
   Query* statistics = nullptr;                //!< the same

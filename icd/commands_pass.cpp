@@ -169,6 +169,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdClearAttachments(VkCommandBuffer buffer, uint32_
   auto a = cb.keep(attachments, attachmentCount);
   auto r = cb.keep(rects, rectCount);
   cb.record([a, r](Execution& e) {
+    if (e.skips) return;
     for (const VkClearAttachment& attachment : a)
       for (const VkClearRect& rect : r) e.pass.clear(attachment, rect);
   });

@@ -64,7 +64,6 @@ VkResult imageFormatProperties(const PhysicalDevice& device, VkFormat format, Vk
   if (f->isMultiPlanar() && (type != VK_IMAGE_TYPE_2D || (flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT))) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if ((flags & VK_IMAGE_CREATE_BLOCK_TEXEL_VIEW_COMPATIBLE_BIT) && !f->isCompressed()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if ((flags & VK_IMAGE_CREATE_CUBE_COMPATIBLE_BIT) && type != VK_IMAGE_TYPE_2D) return VK_ERROR_FORMAT_NOT_SUPPORTED;
-  if (type != VK_IMAGE_TYPE_2D && f->isDepthStencil()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
   if (type == VK_IMAGE_TYPE_1D && f->isCompressed()) return VK_ERROR_FORMAT_NOT_SUPPORTED;
 
   const VkPhysicalDeviceLimits& l = device.properties.limits;

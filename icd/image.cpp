@@ -216,6 +216,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateSampler(VkDevice handle, const VkSamplerC
     k.conversion = texture::conversionBits(from(conversion->conversion)->conversion);
   k.integerBorder = integer;
   k.zeroLod = info->maxLod == 0 && info->minLod == 0;
+  k.nonSeamless = (info->flags & VK_SAMPLER_CREATE_NON_SEAMLESS_CUBE_MAP_BIT_EXT) != 0;
   k.present = 1;
   *out = to<VkSampler>(sampler);
   return VK_SUCCESS;

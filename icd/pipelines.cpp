@@ -189,6 +189,7 @@ pipeline::GraphicsState graphicsStateOf(const VkGraphicsPipelineCreateInfo& info
     s.alphaToCoverage = m->alphaToCoverageEnable;
     s.alphaToOne = m->alphaToOneEnable;
   }
+  s.feedbackLoop = info.flags & (VK_PIPELINE_CREATE_COLOR_ATTACHMENT_FEEDBACK_LOOP_BIT_EXT | VK_PIPELINE_CREATE_DEPTH_STENCIL_ATTACHMENT_FEEDBACK_LOOP_BIT_EXT);
   const Subpass* subpass = nullptr;
   if (const RenderPass* pass = from(info.renderPass)) {
     subpass = &pass->subpasses[info.subpass];

@@ -6,6 +6,7 @@
 #include "base/fpenv.h"
 #include "base/log.h"
 #include "pipeline/front.h"
+#include "pipeline/one_color.h"
 
 namespace pumice::pipeline {
 
@@ -266,6 +267,13 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   const GraphicsState& fixed = pipeline.state;
   ++counters.draws;
   const base::ScopedFpEnv environment;
+  // What it reads may be any pixel that was written before, at any sample.
+  if (pipeline.state.feedbackLoop) {
+    flush();
+    OneColor colors(*this);
+    const raster::TileGrid& grid = bins->grid();
+    for (uint32_t t = 0; oneColor && t < grid.tilesX * grid.tilesY * grid.layers; ++t) colors.setTile(t), colors.splitAll();
+  }
   // What is not looked at is not done.
   const bool lookedAt = pipeline.vertex->writesMemory || query;
   if (fixed.rasterizerDiscard && !lookedAt) return;

@@ -61,7 +61,7 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
   const bool readsAttachments = std::any_of(shader->resources.begin(), shader->resources.end(), [](const frontend::Resource& r) {
     return r.kind == frontend::ResourceKind::InputAttachment;
   });
-  t.early = shader->earlyFragmentTests || !(shader->mayDiscard || shader->writesDepth || shader->writesMemory || readsAttachments ||
+  t.early = shader->earlyFragmentTests || !(state.feedbackLoop || shader->mayDiscard || shader->writesDepth || shader->writesMemory || readsAttachments ||
                                             state.alphaToCoverage || t.writesSampleMask || t.writesStencilRef);
   t.needsHelpers = shader->usesDerivatives;
   // A fraction of the samples may be shaded; all of them always satisfies it.
@@ -316,7 +316,7 @@ VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {
       v.written |= uint8_t(1u << a);
       if (replacesColor(s, a) && !shader->mayDiscard) v.replaced |= uint8_t(1u << a);
     }
-    v.readsAttachments = std::any_of(shader->resources.begin(), shader->resources.end(), [](const frontend::Resource& r) {
+    v.readsAttachments = s.feedbackLoop || std::any_of(shader->resources.begin(), shader->resources.end(), [](const frontend::Resource& r) {
       return r.kind == frontend::ResourceKind::InputAttachment;
     });
   }

@@ -47,6 +47,7 @@ struct GraphicsState {
   uint32_t sampleMask = ~0u;
   bool sampleShading = false, alphaToCoverage = false, alphaToOne = false;
   float minSampleShading = 0;
+  bool feedbackLoop = false;           //!< shaders may read attachments as images (VK_EXT_attachment_feedback_loop_layout)
   bool depthTest = false, depthWrite = false, depthBoundsTest = false, stencilTest = false;
   VkCompareOp depthCompare = VK_COMPARE_OP_ALWAYS;
   VkStencilOpState stencilFront{}, stencilBack{};

@@ -258,7 +258,7 @@ SavedPipelineKey savedPipelineKey(const GraphicsState& s, const Layout& layout, 
   k.each(s.blend, &C::blendEnable, &C::srcColorBlendFactor, &C::dstColorBlendFactor, &C::colorBlendOp, &C::srcAlphaBlendFactor, &C::dstAlphaBlendFactor,
          &C::alphaBlendOp, &C::colorWriteMask);
   k.add(s.wholeAttributes), k.add(s.topology), k.add(s.primitiveRestart), k.add(s.rasterizerDiscard), k.add(s.depthClamp), k.add(s.depthClip);
-  k.add(s.depthBias), k.add(s.unrestrictedDepth), k.add(s.provokingLast), k.add(s.lineMode), k.add(s.polygonMode), k.add(s.cullMode), k.add(s.frontFace);
+  k.add(s.depthBias), k.add(s.unrestrictedDepth), k.add(s.feedbackLoop), k.add(s.provokingLast), k.add(s.lineMode), k.add(s.polygonMode), k.add(s.cullMode), k.add(s.frontFace);
   k.add(s.viewportCount), k.add(s.samples), k.add(s.sampleMask), k.add(s.sampleShading), k.add(s.alphaToCoverage), k.add(s.alphaToOne);
   k.add(s.minSampleShading), k.add(s.depthTest), k.add(s.depthWrite), k.add(s.depthBoundsTest), k.add(s.stencilTest), k.add(s.depthCompare);
   k.add(s.stencilFront), k.add(s.stencilBack), k.add(s.logicOpEnable), k.add(s.logicOp);

@@ -23,9 +23,10 @@ Filter::Filter(ImageBuild& s, bool linear, Value linearMask) : s_(s), b_(s.b), l
   mode_[0] = k.addressU;
   mode_[1] = k.addressV;
   mode_[2] = k.addressW;
-  if (s.isCube()) mode_[0] = mode_[1] = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
+  if (s.isCube() && !k.nonSeamless) mode_[0] = mode_[1] = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
   bool border = false;
   for (unsigned i = 0; i < s.dimensions; ++i) border |= mode_[i] == VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER;
+  acrossFaces_ = s.isCube() && linear_ && !k.nonSeamless;
   compare_ = s.in.dref && s.sampler.key.compareEnable;
   // Filtering is linear: Unorm texels are divided by 2^n - 1 once, afterwards.
   unscaled_ = linear_ && !border && !compare_ && !s.integer();
@@ -34,7 +35,7 @@ Filter::Filter(ImageBuild& s, bool linear, Value linearMask) : s_(s), b_(s.b), l
 Texel Filter::sample(const SamplePoint& p, const MipLevel& level) {
   Axis axis[3];
   for (unsigned i = 0; i < s_.dimensions; ++i) axis[i] = makeAxis(i, p.coordinate[i], level.extent[i], s_.in.offset[i]);
-  return s_.isCube() && linear_ ? reduceCube(p, level, axis) : reduce(p, level, axis);
+  return acrossFaces_ ? reduceCube(p, level, axis) : reduce(p, level, axis);
 }
 
 Value Filter::combine(Value low, Value high, Value weight) {
@@ -120,7 +121,7 @@ Filter::Axis Filter::makeAxis(unsigned n, Value u, Value extent, Value offset) {
   Value i0 = b_.convert(Op::FToS, Type::I32, floor);
   if (offset) i0 = b_.iadd(i0, offset);
   auto next = [&](Value i) { return b_.iadd(i, one); };
-  if (s_.isCube() && linear_) {
+  if (acrossFaces_) {
     // Beyond the edge lies another face.
     a.index[0] = i0;
     a.index[1] = next(i0);
@@ -273,7 +274,7 @@ Filter::Corner Filter::corner(const SamplePoint& p, const MipLevel& level, const
     if (axis[i].inside[k]) inside = inside ? b_.maskAnd(inside, axis[i].inside[k]) : axis[i].inside[k];
   }
   Value face = p.face;
-  if (s_.isCube() && linear_) acrossEdge(level.extent[0], at[0], at[1], face, p.face);
+  if (acrossFaces_) acrossEdge(level.extent[0], at[0], at[1], face, p.face);
   return load(level, at, face, inside);
 }
 

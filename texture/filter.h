@@ -64,7 +64,7 @@ class Filter {
 
   ImageBuild& s_;
   ir::Builder& b_;
-  bool linear_;
+  bool linear_, acrossFaces_ = false;
   ir::Value linearMask_;
   uint8_t mode_[3] = {};
   bool compare_ = false, unscaled_ = false;

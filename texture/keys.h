@@ -48,7 +48,7 @@ struct SamplerKey {
   uint8_t zeroLod = 0;             //!< maxLod == 0 and minLod == 0: base level only, but min/mag still chosen by level of detail
   uint8_t present = 0;             //!< 1 for a real sampler (a null key is all zero)
   uint8_t conversion = 0;          //!< of Y'CbCr (conversionBits), 0: none
-  uint8_t padding[1] = {};
+  uint8_t nonSeamless = 0;         //!< faces of a cube are images of their own, with the address modes above
   bool operator==(const SamplerKey& o) const { return !std::memcmp(this, &o, sizeof *this); }
 };
 static_assert(sizeof(SamplerKey) == 16);
