@@ -14,19 +14,24 @@ using cts::check;
 
 constexpr uint32_t kGroup = 64, kTimedLanes = 1 << 15, kTimedCalls = 16;
 
-std::string shaderOf(const std::string& expression, bool timed) {
+//! Halfs come and go as floats, which hold them.
+std::string shaderOf(const std::string& expression, bool timed, ir::Type type = ir::Type::F32) {
+  const bool half = type == ir::Type::F16, wide = type == ir::Type::F64;
+  const std::string prefix = half ? "f16" : wide ? "d" : "", memory = wide ? "double" : "float";
   const std::string head =
-      "#version 450\n"
+      "#version 450\n" +
+      std::string(half ? "#extension GL_EXT_shader_explicit_arithmetic_types_float16 : require\n" : "") + "#define T " +
+      (half ? "float16_t" : memory) + "\n#define V2 " + prefix + "vec2\n#define M2 " + prefix + "mat2\n"
       "layout(local_size_x = 64) in;\n"
       "layout(push_constant) uniform P { uint count; uint calls; float step; };\n"
-      "layout(binding = 0) readonly buffer X { float xs[]; };\n"
-      "layout(binding = 1) readonly buffer Y { float ys[]; };\n"
-      "layout(binding = 2) writeonly buffer R { float results[]; };\n"
+      "layout(binding = 0) readonly buffer X { " + memory + " xs[]; };\n"
+      "layout(binding = 1) readonly buffer Y { " + memory + " ys[]; };\n"
+      "layout(binding = 2) writeonly buffer R { " + memory + " results[]; };\n"
       "void main() {\n"
       "  uint i = gl_GlobalInvocationID.x;\n"
       "  if (i >= count) return;\n"
-      "  float x = xs[i], y = ys[i];\n";
-  if (!timed) return head + "  results[i] = " + expression + ";\n}\n";
+      "  T x = T(xs[i]), y = T(ys[i]);\n";
+  if (!timed) return head + "  results[i] = " + memory + "(" + expression + ");\n}\n";
   return head + "  float sum = 0;\n  for (uint k = 0; k < calls; k++) {\n    sum += " + expression +
          ";\n    x += step;\n  }\n  results[i] = sum;\n}\n";
 }
@@ -38,11 +43,9 @@ class Driver final : public ComputeDriver {
 
   std::string name() const override { return device_.name(); }
 
-  std::vector<float> run(const Function& f, const Inputs& inputs) override {
-    std::vector<float> x(inputs.x.begin(), inputs.x.end()), y(inputs.y.begin(), inputs.y.end()), results;
-    y.resize(x.size());
-    dispatch(shaderOf(f.glsl, false), x, y, 1, 1, &results);
-    return results;
+  std::vector<double> run(const Function& f, ir::Type type, const Inputs& inputs) override {
+    if ((type == ir::Type::F64 && !device_.features.shaderFloat64) || (type == ir::Type::F16 && !device_.vulkan12.shaderFloat16)) return {};
+    return type == ir::Type::F64 ? run<double>(f, type, inputs) : run<float>(f, type, inputs);
   }
 
   double nanoseconds(const Function& f) override {
@@ -52,20 +55,29 @@ class Driver final : public ComputeDriver {
   }
 
  private:
+  template <typename T>
+  std::vector<double> run(const Function& f, ir::Type type, const Inputs& inputs) {
+    std::vector<T> x(inputs.x.begin(), inputs.x.end()), y(inputs.y.begin(), inputs.y.end()), results;
+    y.resize(x.size());
+    dispatch(shaderOf(f.glsl, false, type), x, y, 1, 1, &results);
+    return {results.begin(), results.end()};
+  }
+
   double timed(const std::string& expression, bool shifted) {
     std::vector<float> x(kTimedLanes), y(kTimedLanes);
     for (uint32_t i = 0; i < kTimedLanes; ++i)
       x[i] = (shifted ? 1.1f : 0.1f) + 0.7f * float(i) / float(kTimedLanes),
       y[i] = 0.9f - 0.8f * float(i % 977) / 977;
-    return dispatch(shaderOf(expression, true), x, y, kTimedCalls, 40, nullptr) / kTimedLanes / kTimedCalls;
+    return dispatch<float>(shaderOf(expression, true), x, y, kTimedCalls, 40, nullptr) / kTimedLanes / kTimedCalls;
   }
 
   //! Runs `repeats` times; nanoseconds of the fastest.
-  double dispatch(const std::string& glsl, const std::vector<float>& x, const std::vector<float>& y,
-                  uint32_t calls, unsigned repeats, std::vector<float>* results) {
+  template <typename T>
+  double dispatch(const std::string& glsl, const std::vector<T>& x, const std::vector<T>& y, uint32_t calls, unsigned repeats,
+                  std::vector<T>* results) {
     cts::Workspace w(device_);
     const auto usage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
-    const cts::Buffer buffers[] = {w.bufferOf(x, usage), w.bufferOf(y, usage), w.buffer(x.size() * 4, usage)};
+    const cts::Buffer buffers[] = {w.bufferOf(x, usage), w.bufferOf(y, usage), w.buffer(x.size() * sizeof(T), usage)};
 
     VkDescriptorSetLayoutBinding bindings[3] = {};
     for (uint32_t k = 0; k < 3; ++k)
@@ -127,7 +139,7 @@ class Driver final : public ComputeDriver {
     }
     if (results) {
       results->resize(x.size());
-      std::memcpy(results->data(), buffers[2].mapped, x.size() * 4);
+      std::memcpy(results->data(), buffers[2].mapped, x.size() * sizeof(T));
     }
     return least;
   }

@@ -54,6 +54,73 @@ std::vector<double> extreme(Type t, size_t count, std::mt19937_64& random) {
   }
   return v;
 }
+
+//! Arithmetic with 200 bits.
+struct Exact {
+  mpfr_t v;
+  Exact(double x = 0) {
+    mpfr_init2(v, 200);
+    mpfr_set_d(v, x, MPFR_RNDN);
+  }
+  Exact(mpfr_srcptr x) {
+    mpfr_init2(v, 200);
+    mpfr_set(v, x, MPFR_RNDN);
+  }
+  Exact(const Exact& other) : Exact(mpfr_srcptr(other.v)) {}
+  Exact& operator=(const Exact&) = delete;
+  ~Exact() { mpfr_clear(v); }
+};
+#define PUMICE_EXACT(name, call)                    \
+  Exact name(const Exact& a, const Exact& b) {      \
+    Exact r;                                        \
+    call(r.v, a.v, b.v, MPFR_RNDN);                 \
+    return r;                                       \
+  }
+PUMICE_EXACT(operator+, mpfr_add)
+PUMICE_EXACT(operator-, mpfr_sub)
+PUMICE_EXACT(operator*, mpfr_mul)
+PUMICE_EXACT(operator/, mpfr_div)
+#undef PUMICE_EXACT
+Exact root(const Exact& a) {
+  Exact r;
+  mpfr_sqrt(r.v, a.v, MPFR_RNDN);
+  return r;
+}
+Exact floorOf(const Exact& a) {
+  Exact r;
+  mpfr_floor(r.v, a.v);
+  return r;
+}
+Exact pi() {
+  Exact r;
+  mpfr_const_pi(r.v, MPFR_RNDN);
+  return r;
+}
+void set(mpfr_ptr r, const Exact& a) { mpfr_set(r, a.v, MPFR_RNDN); }
+
+#define PUMICE_IS(expression) \
+  [](mpfr_ptr r, mpfr_srcptr xs, [[maybe_unused]] mpfr_srcptr ys) { \
+    const Exact x(xs);                                              \
+    [[maybe_unused]] const Exact y(ys);                             \
+    set(r, expression);                                             \
+  }
+
+void smoothstepOf(mpfr_ptr r, mpfr_srcptr xs, mpfr_srcptr) {
+  const Exact t = (Exact(xs) + 1) / 2;
+  if (mpfr_nan_p(t.v)) return mpfr_set_nan(r);
+  if (mpfr_cmp_d(t.v, 0) <= 0) return void(mpfr_set_d(r, 0, MPFR_RNDN));
+  if (mpfr_cmp_d(t.v, 1) >= 0) return void(mpfr_set_d(r, 1, MPFR_RNDN));
+  set(r, t * t * (Exact(3) - Exact(2) * t));
+}
+void ldexpOf(mpfr_ptr r, mpfr_srcptr x, mpfr_srcptr y) {
+  mpfr_mul_2si(r, x, mpfr_nan_p(y) ? 0 : long(std::clamp(mpfr_get_d(y, MPFR_RNDN), -2200.0, 2200.0)), MPFR_RNDN);
+}
+//! Of I = (0.25, x), N = (0, 1), eta = y: the second component.
+void refractOf(mpfr_ptr r, mpfr_srcptr xs, mpfr_srcptr ys) {
+  const Exact x(xs), y(ys), k = Exact(1) - y * y * (Exact(1) - x * x);
+  if (mpfr_cmp_d(k.v, 0) < 0) return void(mpfr_set_d(r, 0, MPFR_RNDN));
+  set(r, y * x - (y * x + root(k)));
+}
 }  // namespace
 
 const std::vector<Function> kFunctions = {
@@ -78,10 +145,28 @@ const std::vector<Function> kFunctions = {
     {"asinh", "asinh(x)", Op::FAsinh, 1, -8, 8, 0, 0, 4},
     {"acosh", "acosh(x)", Op::FAcosh, 1, 1, 8, 0, 0, 4},
     {"atanh", "atanh(x)", Op::FAtanh, 1, -1, 1, 0, 0, 4},
+    {"radians", "radians(x)", Op::Nop, 1, -360, 360, 0, 0, 1, PUMICE_IS(x * pi() / 180), false},
+    {"degrees", "degrees(x)", Op::Nop, 1, -7, 7, 0, 0, 1, PUMICE_IS(x * 180 / pi()), false},
+    {"fract", "fract(x)", Op::Nop, 1, -8, 8, 0, 0, 0.5, PUMICE_IS(x - floorOf(x))},
+    {"mod", "mod(x, y)", Op::Nop, 2, -8, 8, 0.5, 4, INFINITY, PUMICE_IS(x - y * floorOf(x / y))},
+    {"fma(x, y, x)", "fma(x, y, x)", Op::Nop, 2, -2, 2, -2, 2, 0.5, PUMICE_IS(x * y + x)},
+    {"ldexp", "ldexp(x, y == y ? int(clamp(y, T(-2200), T(2200))) : 0)", Op::Nop, 2, -2, 2, -24, 15, 0.5, ldexpOf},
+    {"mix(x, y, 1/4)", "mix(x, y, T(0.25))", Op::Nop, 2, 0, 2, 0, 2, 4, PUMICE_IS(x * 0.75 + y * 0.25)},
+    {"smoothstep(-1, 1, x)", "smoothstep(T(-1), T(1), x)", Op::Nop, 1, -1, 1, 0, 0, INFINITY, smoothstepOf},
+    {"length(x, y)", "length(V2(x, y))", Op::Nop, 2, -2, 2, -2, 2, 4, PUMICE_IS(root(x * x + y * y))},
+    {"distance((x, y), (y, 1))", "distance(V2(x, y), V2(y, T(1)))", Op::Nop, 2, -2, 2, -2, 2, INFINITY,
+     PUMICE_IS(root((x - y) * (x - y) + (y - 1) * (y - 1)))},
+    {"normalize(x, y).x", "normalize(V2(x, y)).x", Op::Nop, 2, -2, 2, -2, 2, 4, PUMICE_IS(x / root(x * x + y * y))},
+    {"reflect((x, 1), (y, 1/2)).x", "reflect(V2(x, T(1)), V2(y, T(0.5))).x", Op::Nop, 2, 0, 1, 1, 2, INFINITY,
+     PUMICE_IS(x - (x * y + 0.5) * 2 * y)},
+    {"refract((1/4, x), (0, 1), y).y", "refract(V2(T(0.25), x), V2(T(0), T(1)), y).y", Op::Nop, 2, -1, 1, 0.25, 0.75,
+     INFINITY, refractOf},
+    {"determinant(x, y; y, 1)", "determinant(M2(x, y, y, T(1)))", Op::Nop, 2, 2, 4, -1, 1, 4, PUMICE_IS(x - y * y)},
+    {"inverse(x, y; y, 1)[0][0]", "inverse(M2(x, y, y, T(1)))[0][0]", Op::Nop, 2, 2, 4, -1, 1, 4, PUMICE_IS(Exact(1) / (x - y * y))},
 };
 
 std::vector<Inputs> inputsFor(const Function& f, Type t, size_t count) {
-  std::mt19937_64 random(uint64_t(f.op) * 16 + uint64_t(t));
+  std::mt19937_64 random((uint64_t(f.op) + (f.exact ? uint64_t(f.glsl[0]) << 8 | uint64_t(f.glsl[1]) << 16 : 0)) * 16 + uint64_t(t));
   std::vector<Inputs> all;
   auto add = [&](std::string name, std::vector<double> x, double yLow, double yHigh, bool wild) {
     Inputs i{std::move(name), std::move(x), {}};

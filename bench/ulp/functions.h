@@ -1,6 +1,8 @@
 // The functions whose error is measured: where, and what Vulkan allows them.
 #pragma once
 
+#include <mpfr.h>
+
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -16,13 +18,15 @@ struct Inputs {
 
 struct Function {
   const char* name;
-  const char* glsl;  //!< of x and y
-  ir::Op op;
+  const char* glsl;  //!< of x and y; T is their type, V2 and M2 a vector and a matrix of it
+  ir::Op op;         //!< Nop: made of several operations, measured through the Vulkan driver
   unsigned arguments;
   double low, high;    //!< the dense domain of x
   double yLow, yHigh;  //!< of y, where there are two arguments
   double
       aim;  //!< largest error in the dense domain that Pumice aims at, in units of the last place (f32, f64)
+  void (*exact)(mpfr_ptr result, mpfr_srcptr x, mpfr_srcptr y) = nullptr;  //!< where op is Nop
+  bool ofDoubles = true;
 };
 extern const std::vector<Function> kFunctions;
 

@@ -23,13 +23,14 @@ std::vector<double> interpret(const Function& f, ir::Type type, const Inputs& in
 //! Nanoseconds of processor time a lane, of one call beyond a copy; the least of several measurements.
 double interpreterNanoseconds(const Function& f, ir::Type type);
 
-//! f32 through a compute shader. Functions throw std::runtime_error if the driver refuses something.
+//! Through a compute shader. Functions throw std::runtime_error if the driver refuses something.
 class ComputeDriver {
  public:
   virtual ~ComputeDriver() = default;
   virtual std::string name() const = 0;
-  virtual std::vector<float> run(const Function& f, const Inputs& inputs) = 0;
-  //! Nanoseconds of processor time a lane, of one call beyond a loop without it, all threads together.
+  //! Empty if the driver has no such type.
+  virtual std::vector<double> run(const Function& f, ir::Type type, const Inputs& inputs) = 0;
+  //! Of f32: nanoseconds of processor time a lane, of one call beyond a loop without it, all threads together.
   virtual double nanoseconds(const Function& f) = 0;
 };
 //! Pumice (of the build tree) and lavapipe, as far as they are there.

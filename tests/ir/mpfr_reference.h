@@ -82,6 +82,14 @@ class Reference {
     }
   }
 
+  //! The same for what `f(exact, x, y)` sets.
+  template <class F>
+  void evaluateWith(const F& f, double x, double y) {
+    mpfr_set_d(x_, x, MPFR_RNDN);
+    mpfr_set_d(y_, y, MPFR_RNDN);
+    f(exact_, x_, y_);
+  }
+
   double value() const { return mpfr_get_d(exact_, MPFR_RNDN); }
 
   //! |got - exact| in units of the exact value's last place in the format; of the smallest denormal's below
