@@ -253,7 +253,12 @@ class TileRasterizer {
 }  // namespace
 
 void rasterize(const Primitive& p, uint32_t tileX, uint32_t tileY, const VkRect2D& bounds, uint32_t samples, BlockSink& sink) {
-  const auto locations = sampleLocations(samples);
+  static constexpr std::array<std::array<uint8_t, 2>, kMaxSamples> kCentres = [] {
+    std::array<std::array<uint8_t, 2>, kMaxSamples> centres{};
+    centres.fill({8, 8});
+    return centres;
+  }();
+  const auto locations = p.wholePixels ? std::span<const std::array<uint8_t, 2>>(kCentres).first(samples) : sampleLocations(samples);
   constexpr int64_t kTile = kTileSize;
   const int64_t originX = tileX * kTile, originY = tileY * kTile;
   auto first = [](int64_t a, int64_t b, int64_t origin) { return int(std::clamp<int64_t>(std::max(a, b) - origin, 0, kTileSize)); };

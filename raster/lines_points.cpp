@@ -56,7 +56,8 @@ void SetupContext::segment(const SetupVertex (&own)[2], const Origin& origin) {
   if (state_.lineMode == LineMode::Bresenham) {
     // What "Bresenham line segment rasterization" (Vulkan specification) allows: a parallelogram whose ends run along the minor axis.
     // With a width of 1 every column (or row) gets one pixel. The start is in, the end is not, so that a strip draws its inner vertices
-    // once.
+    // once. Of multisampled pixels all samples are covered.
+    p.wholePixels = true;
     const bool alongX = std::abs(x) >= std::abs(y);
     const int64_t sideX = alongX ? 0 : half, sideY = alongX ? half : 0;
     low[0] = {from.x - sideX, from.y - sideY}, low[1] = {to.x - sideX, to.y - sideY};
@@ -96,7 +97,8 @@ void SetupContext::segment(const SetupVertex (&own)[2], const Origin& origin) {
     counters_.clippedAway++;
     return;
   }
-  planes_.finishDepth(ends, 2, double(half) / kSubpixelOne + 1.0 / 128, origin.depthOffset, set);
+  // Samples lie up to half a pixel beside the centres.
+  planes_.finishDepth(ends, 2, double(half) / kSubpixelOne + 1.0 / 128 + (p.wholePixels ? 1 : 0), origin.depthOffset, set);
   emit(p, set);
   counters_.output++;
 }

@@ -104,6 +104,7 @@ struct alignas(64) Primitive {
   Edge edges[4];                   //!< triangles use 3, rectangles (lines, points) 4
   uint8_t edgeCount = 3;
   bool frontFacing = true;
+  bool wholePixels = false;        //!< covers all samples of the pixels whose centre is inside, and no others (Bresenham lines)
   uint16_t layer = 0, viewport = 0;
   uint32_t primitiveId = 0;
   int32_t minX, minY, maxX, maxY;  //!< pixels that may be covered, inclusive, inside `bounds` (triangles: and the viewport, which only this limits)

@@ -33,6 +33,31 @@ TEST(Lines, EveryColumnOfAFlatLineGetsOnePixelInEitherDirection) {
   }
 }
 
+TEST(Lines, BresenhamCoversAllSamplesOfAPixelOrNone) {
+  std::mt19937 random(43);
+  for (uint32_t samples : {2u, 4u, 8u, 16u})
+    for (int i = 0; i < 50; i++) {
+      std::array<double, 4> at;
+      for (double& v : at) v = double(random() % (80 * 256)) / 256 - 8;
+      auto drawn = [&](uint32_t count) {
+        Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_LIST);
+        draw.state.lineMode = LineMode::Bresenham;
+        draw.state.samples = count;
+        draw.state.lineWidth = float(1 + i % 3);
+        draw.addPixel(at[0], at[1]);
+        draw.addPixel(at[2], at[3]);
+        draw.setup();
+        Picture picture(kSize, kSize, count);
+        picture.draw(draw);
+        return picture;
+      };
+      Picture one = drawn(1), many = drawn(samples);
+      for (uint32_t y = 0; y < kSize; y++)
+        for (uint32_t x = 0; x < kSize; x++)
+          for (uint32_t s = 0; s < samples; s++) ASSERT_EQ(many.at(x, y, s), one.at(x, y)) << samples << " samples, " << x << ", " << y;
+    }
+}
+
 TEST(Lines, StripsDrawTheirInnerVerticesOnce) {
   Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_STRIP);
   draw.state.lineMode = LineMode::Bresenham;
