@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <mutex>
-#include <unordered_map>
+#include <map>
 
 #include "base/hash.h"
 #include "pipeline/saved_routines.h"
@@ -235,7 +235,7 @@ base::Status finishRoutine(ir::Function& f) {
 
 namespace {
 
-//! Executables by the bytes of the function that they were made from.
+//! Executables by the bytes of the function that they were made from, as long as somebody has them.
 class Compiled {
  public:
   struct Entry {
@@ -245,22 +245,40 @@ class Compiled {
   std::shared_ptr<const Entry> find(uint64_t hash, const std::vector<std::byte>& bytes) {
     std::lock_guard lock(mutex_);
     for (auto [it, end] = entries_.equal_range(hash); it != end; ++it)
-      if (auto entry = it->second.lock(); entry && entry->bytes == bytes) return entry;
+      if (auto entry = it->second.shared.lock(); entry && entry->bytes == bytes) return entry;
     return nullptr;
   }
-  void insert(uint64_t hash, const std::shared_ptr<const Entry>& entry) {
+  std::shared_ptr<const Entry> insert(uint64_t hash, Entry made) {
+    const Entry* entry = new Entry(std::move(made));
+    std::shared_ptr<const Entry> shared(entry, [this, hash](const Entry* e) {
+      {
+        std::lock_guard lock(mutex_);
+        auto [it, end] = entries_.equal_range(hash);
+        while (it != end && it->second.entry != e) ++it;
+        if (it != end) entries_.erase(it);
+      }
+      delete e;
+    });
     std::lock_guard lock(mutex_);
-    if (entries_.size() >= limit_) {
-      std::erase_if(entries_, [](const auto& e) { return e.second.expired(); });
-      limit_ = 2 * entries_.size() + 64;
-    }
-    entries_.emplace(hash, entry);
+    entries_.emplace(hash, Known{entry, shared});
+    return shared;
   }
 
  private:
+  struct Known {
+    const Entry* entry;
+    std::weak_ptr<const Entry> shared;
+  };
   std::mutex mutex_;
-  std::unordered_multimap<uint64_t, std::weak_ptr<const Entry>> entries_;
-  size_t limit_ = 64;
+  std::multimap<uint64_t, Known> entries_;   // no memory while empty
+};
+
+//! Never destroyed, since threads may still compile while the process ends; without executables it holds nothing that a driver
+//! that is unloaded would leave behind.
+union Forever {
+  Compiled compiled;
+  Forever() : compiled() {}
+  ~Forever() {}
 };
 
 }  // namespace
@@ -276,7 +294,8 @@ base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir:
     if (!watched) return std::move(watched).error();
     return std::shared_ptr<const interp::Executable>(std::move(watched).value());
   }
-  static Compiled& compiled = *new Compiled;   // executables may outlive everything else
+  static Forever forever;
+  Compiled& compiled = forever.compiled;
   ir::ByteWriter w;
   w.value(numerics);
   w.value(wholeBlocks);
@@ -286,8 +305,7 @@ base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir:
   if (!entry) {
     auto made = jit::makeExecutable(f, options, wholeBlocks);
     if (!made) return std::move(made).error();
-    entry = std::make_shared<const Compiled::Entry>(Compiled::Entry{std::move(w.bytes), std::move(made).value()});
-    compiled.insert(hash, entry);   // a second one does no harm
+    entry = compiled.insert(hash, {std::move(w.bytes), std::move(made).value()});   // a second one does no harm
   }
   return std::shared_ptr<const interp::Executable>(entry, entry->code.get());
 }
