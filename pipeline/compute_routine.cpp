@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "pipeline/builders.h"
+#include "spirv_interp/ir/waits.h"
 
 namespace pumice::pipeline {
 
@@ -64,7 +65,7 @@ static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeli
     routine->groupsApart |= (i.op >= Op::QuadDdx && i.op <= Op::SubgroupReduce) || i.op == Op::LaneId;
     if (i.op == Op::Loop) ++loops;
     if (i.op == Op::EndLoop) --loops;
-    if (loops) routine->waits |= i.op == Op::Atomic || i.op == Op::AtomicCas || (i.op == Op::Load && (i.flags & ir::kInstVolatile));
+    if (loops) routine->waits |= ir::looksAtDeviceMemory(i);
   }
   routine->groupsApart |= routine->waits;
   return routine;

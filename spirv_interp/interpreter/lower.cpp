@@ -1,10 +1,12 @@
 #include "spirv_interp/interpreter/lower.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 
 #include "spirv_interp/interpreter/analysis.h"
 #include "spirv_interp/interpreter/code_list.h"
+#include "spirv_interp/ir/waits.h"
 
 namespace pumice::interp {
 namespace {
@@ -118,13 +120,7 @@ class Lowering {
   }
 
   //! A loop may wait for what other invocations write.
-  bool mayWait() const {
-    for (const Inst& i : f_.insts)
-      if (i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
-          ((i.op == Op::Load || i.op == Op::SharedLoad) && (i.flags & ir::kInstVolatile)))
-        return true;
-    return false;
-  }
+  bool mayWait() const { return std::any_of(f_.insts.begin(), f_.insts.end(), ir::looksAtOthers); }
 
   // --- instructions
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "spirv_interp/ir/fold.h"
+#include "spirv_interp/ir/waits.h"
 
 namespace pumice::jit {
 namespace {
@@ -53,8 +54,7 @@ class Planner {
     findCrossed();
     findUses();
     for (const Inst& i : f_.insts) {
-      p_.mayWait |= i.op == Op::Atomic || i.op == Op::AtomicCas || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas ||
-                    ((i.op == Op::Load || i.op == Op::SharedLoad) && (i.flags & ir::kInstVolatile));
+      p_.mayWait |= ir::looksAtOthers(i);
       p_.suspends |= i.op == Op::Barrier;
     }
     p_.suspends |= p_.mayWait;

@@ -1,0 +1,17 @@
+// Instructions in which an invocation may see what others write while it runs: a loop that holds one may be waiting for them.
+#pragma once
+
+#include "spirv_interp/ir/ir.h"
+
+namespace pumice::ir {
+
+//! Of memory that all work groups see.
+inline bool looksAtDeviceMemory(const Inst& i) {
+  return i.op == Op::Atomic || i.op == Op::AtomicCas || (i.op == Op::Load && (i.flags & kInstVolatile));
+}
+//! Of that, or of the work group's own.
+inline bool looksAtOthers(const Inst& i) {
+  return looksAtDeviceMemory(i) || i.op == Op::SharedAtomic || i.op == Op::SharedAtomicCas || (i.op == Op::SharedLoad && (i.flags & kInstVolatile));
+}
+
+}  // namespace pumice::ir
