@@ -31,7 +31,8 @@ class Frames {
     EXPECT_EQ(chain.created, VK_SUCCESS);
     redFirst_ = format == VK_FORMAT_R8G8B8A8_UNORM;
     expected.assign(chain.images.size(), std::vector<uint32_t>(kWidth * kHeight));
-    for (bool load : {false, true}) passes_[load] = makePass(format, load);
+    for (bool load : {false, true})
+      EXPECT_EQ(client.colorPass(format, load ? VK_ATTACHMENT_LOAD_OP_LOAD : VK_ATTACHMENT_LOAD_OP_CLEAR, VK_IMAGE_LAYOUT_PRESENT_SRC_KHR, &passes_[load]), VK_SUCCESS);
     for (VkImage image : chain.images) {
       VkImageViewCreateInfo viewInfo{VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO};
       viewInfo.image = image;
@@ -181,28 +182,6 @@ class Frames {
     barrier.image = chain.images[image];
     barrier.subresourceRange = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 1, 0, 1};
     vkCmdPipelineBarrier(commands_, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, 0, nullptr, 0, nullptr, 1, &barrier);
-  }
-  VkRenderPass makePass(VkFormat format, bool load) {
-    VkAttachmentDescription attachment{};
-    attachment.format = format;
-    attachment.samples = VK_SAMPLE_COUNT_1_BIT;
-    attachment.loadOp = load ? VK_ATTACHMENT_LOAD_OP_LOAD : VK_ATTACHMENT_LOAD_OP_CLEAR;
-    attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
-    attachment.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
-    attachment.stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
-    attachment.initialLayout = attachment.finalLayout = VK_IMAGE_LAYOUT_PRESENT_SRC_KHR;
-    VkAttachmentReference reference{0, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL};
-    VkSubpassDescription subpass{};
-    subpass.colorAttachmentCount = 1;
-    subpass.pColorAttachments = &reference;
-    VkRenderPassCreateInfo info{VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO};
-    info.attachmentCount = 1;
-    info.pAttachments = &attachment;
-    info.subpassCount = 1;
-    info.pSubpasses = &subpass;
-    VkRenderPass pass = VK_NULL_HANDLE;
-    EXPECT_EQ(vkCreateRenderPass(client.device, &info, nullptr, &pass), VK_SUCCESS);
-    return pass;
   }
 
   bool redFirst_ = false;

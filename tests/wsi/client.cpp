@@ -57,6 +57,28 @@ Client::~Client() {
   if (instance) vkDestroyInstance(instance, nullptr);
 }
 
+VkResult Client::colorPass(VkFormat format, VkAttachmentLoadOp loadOp, VkImageLayout before, VkRenderPass* pass) const {
+  VkAttachmentDescription attachment{};
+  attachment.format = format;
+  attachment.samples = VK_SAMPLE_COUNT_1_BIT;
+  attachment.loadOp = loadOp;
+  attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+  attachment.stencilLoadOp = VK_ATTACHMENT_LOAD_OP_DONT_CARE;
+  attachment.stencilStoreOp = VK_ATTACHMENT_STORE_OP_DONT_CARE;
+  attachment.initialLayout = before;
+  attachment.finalLayout = VK_IMAGE_LAYOUT_PRESENT_SRC_KHR;
+  VkAttachmentReference reference{0, VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL};
+  VkSubpassDescription subpass{};
+  subpass.colorAttachmentCount = 1;
+  subpass.pColorAttachments = &reference;
+  VkRenderPassCreateInfo info{VK_STRUCTURE_TYPE_RENDER_PASS_CREATE_INFO};
+  info.attachmentCount = 1;
+  info.pAttachments = &attachment;
+  info.subpassCount = 1;
+  info.pSubpasses = &subpass;
+  return vkCreateRenderPass(device, &info, nullptr, pass);
+}
+
 VkSurfaceCapabilitiesKHR Client::capabilities(VkSurfaceKHR surface) const {
   VkSurfaceCapabilitiesKHR c{};
   EXPECT_EQ(vkGetPhysicalDeviceSurfaceCapabilitiesKHR(physical, surface, &c), VK_SUCCESS);

@@ -25,6 +25,8 @@ class Client {
     return reinterpret_cast<Function>(vkGetInstanceProcAddr(instance, name));
   }
   VkSurfaceCapabilitiesKHR capabilities(VkSurfaceKHR surface) const;
+  //! A render pass of one colour attachment that ends as it is presented.
+  VkResult colorPass(VkFormat format, VkAttachmentLoadOp loadOp, VkImageLayout before, VkRenderPass* pass) const;
 
   VkInstance instance = VK_NULL_HANDLE;
   VkPhysicalDevice physical = VK_NULL_HANDLE;
