@@ -39,7 +39,7 @@ void* Arena::allocSlow(size_t size, size_t alignment) {
 
   size_t regular = std::min(std::max(chunkSize_, footprint_), std::max(chunkSize_, kLargestRegularChunk));
   size_t bytes = std::max(need, regular);
-  const bool huge = footprint_ >= 4 * kHugePage && bytes <= kHugePage;
+  const bool huge = footprint_ >= kHugePage / 2 && bytes <= kHugePage;
   if (huge) bytes = kHugePage;
   auto* chunk = static_cast<Chunk*>(huge ? std::aligned_alloc(kHugePage, bytes) : std::malloc(bytes));
 #if defined(__linux__)
