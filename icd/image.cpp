@@ -102,6 +102,23 @@ void bindImage(VkImage handle, VkDeviceMemory memory, VkDeviceSize offset, const
 
 }  // namespace
 
+void allowMarkedClears(Image& image) {
+  // Attachments and transfers know of tiles that are only marked.
+  constexpr VkImageUsageFlags kKnowing = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
+  constexpr VkImageCreateFlags kShared = VK_IMAGE_CREATE_ALIAS_BIT | VK_IMAGE_CREATE_DISJOINT_BIT;
+  const texture::ImageLayout& layout = image.layout;
+  const texture::PlaneLayout& plane = layout.planes[0];
+  if (!(image.usage & VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT) || image.usage & ~kKnowing || image.flags & kShared) return;
+  if (!layout.tiled || layout.type != VK_IMAGE_TYPE_2D || layout.arrayLayers != 1 || layout.mipLevels != 1 || layout.samples != 1) return;
+  if (plane.elementBytes > sizeof texture::ClearedTiles::element) return;
+  try {
+    image.ownCleared = std::make_unique<texture::ClearedTiles>(plane.levels[0].width, plane.levels[0].height);
+  } catch (const std::bad_alloc&) {
+    return;   // clears store, then
+  }
+  image.cleared = image.ownCleared.get();
+}
+
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateImage(VkDevice handle, const VkImageCreateInfo* info, const VkAllocationCallbacks* callbacks, VkImage* out) {
   auto* image = from(handle)->make<Image>(callbacks);
   if (!image) return VK_ERROR_OUT_OF_HOST_MEMORY;
@@ -115,6 +132,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateImage(VkDevice handle, const VkImageCreat
     base::logError("vkCreateImage: format %d or its size is not supported", info->format);
     return VK_ERROR_OUT_OF_DEVICE_MEMORY;
   }
+  if (info->tiling == VK_IMAGE_TILING_OPTIMAL && !findInChain<VkExternalMemoryImageCreateInfo>(info->pNext, VK_STRUCTURE_TYPE_EXTERNAL_MEMORY_IMAGE_CREATE_INFO))
+    allowMarkedClears(*image);
   *out = to<VkImage>(image);
   return VK_SUCCESS;
 }

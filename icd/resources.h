@@ -1,8 +1,11 @@
 // Memory and what is bound to it: buffers, images, their views; samplers.
 #pragma once
 
+#include <memory>
+
 #include "icd/device.h"
 #include "icd/external.h"
+#include "texture/cleared.h"
 #include "texture/descriptor.h"
 #include "texture/transfer.h"
 
@@ -38,9 +41,13 @@ struct Image {
   VkFormat format = VK_FORMAT_UNDEFINED;
   std::byte* data = nullptr;     //!< null until bound
   std::byte* planeData[3] = {};  //!< of a disjoint image, as far as they are bound; then layout's planes lie relative to the first
-  texture::ClearedTiles* cleared = nullptr;   //!< of a swapchain's image, and of others bound to its memory
+  std::unique_ptr<texture::ClearedTiles> ownCleared;
+  texture::ClearedTiles* cleared = nullptr;   //!< its own, or, bound to a swapchain's image, of that
   texture::ImageMemory memory() const { return {data ? &layout : nullptr, data, cleared}; }
 };
+
+//! Makes `ownCleared`, where clears of this image may be marks instead of stores: no shader can look at it, and nothing else at its memory.
+void allowMarkedClears(Image& image);
 
 struct ImageView {
   Image* image = nullptr;

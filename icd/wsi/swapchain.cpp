@@ -14,14 +14,12 @@
 #include "icd/host_containers.h"
 #include "icd/queue.h"
 #include "icd/wsi/window_system.h"
-#include "texture/cleared.h"
 
 namespace pumice::icd {
 
 struct SwapchainImage {
   Image image;
   bool busy = false;  //!< acquired by the application, or waiting to be shown
-  std::unique_ptr<texture::ClearedTiles> cleared;
 };
 
 //! Flags and counters are guarded by the device's SyncHub.
@@ -187,12 +185,7 @@ VkResult build(Swapchain& s, const VkSwapchainCreateInfoKHR& info) {
     image.usage = info.imageUsage;
     image.format = info.imageFormat;
     image.data = s.memory + i * s.imageBytes;
-    // Where no shader can look: attachments and transfers know of tiles that are only marked.
-    constexpr VkImageUsageFlags kKnowing = VK_IMAGE_USAGE_COLOR_ATTACHMENT_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT;
-    if (!(info.imageUsage & ~kKnowing) && layout.arrayLayers == 1 && layout.tiled && layout.planes[0].elementBytes == 4) {
-      s.images[i].cleared = std::make_unique<texture::ClearedTiles>(info.imageExtent.width, info.imageExtent.height);
-      image.cleared = s.images[i].cleared.get();
-    }
+    allowMarkedClears(image);
   }
   if (s.surface->platform != VK_ICD_WSI_PLATFORM_HEADLESS) {
     s.window = openWindow(*s.surface, info);
