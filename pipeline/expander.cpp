@@ -5,6 +5,8 @@
 #include <map>
 
 #include "base/hash.h"
+#include "pipeline/each_row.h"
+#include "pipeline/ideas.h"
 #include "pipeline/saved_routines.h"
 #include "spirv_interp/ir/bytes.h"
 #include "spirv_interp/jit/engine.h"
@@ -153,6 +155,25 @@ Value StageExpander::inState(ir::Builder& b, uint32_t resource, Value element, c
   return sameBytes(b, ref.table, ref.constOffset + offsetof(texture::SamplerDescriptor, key), ref.dynamicOffset, &key, sizeof key);
 }
 
+void StageExpander::addUsualSamplers(std::vector<Element>& groups) {
+  constexpr VkSamplerAddressMode kAddresses[] = {VK_SAMPLER_ADDRESS_MODE_REPEAT, VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT,
+                                                 VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER};
+  const size_t given = groups.size();
+  for (size_t n = 0; n < given; ++n) {
+    if (!groups[n].sampler.sampler.present) continue;
+    for (const VkSamplerAddressMode address : kAddresses)
+      for (uint8_t linear = 0; linear < 2; ++linear)
+        for (uint8_t mipmap = 0; mipmap < 2; ++mipmap) {
+          Element e = groups[n];
+          texture::SamplerKey& k = e.sampler.sampler;
+          k.addressU = k.addressV = k.addressW = uint8_t(address);
+          k.magFilter = k.minFilter = linear;
+          k.mipmapMode = mipmap;
+          if (std::find(groups.begin(), groups.end(), e) == groups.end()) groups.push_back(e);
+        }
+  }
+}
+
 std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& op, std::span<const Value> given) {
   const std::vector<Value> operands(given.begin(), given.end());   // the span may point into the function that grows
   const bool sampled = op.kind == ir::ImageKind::Sample || op.kind == ir::ImageKind::Gather || op.kind == ir::ImageKind::QueryLod;
@@ -177,12 +198,16 @@ std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& o
       for (const ImageState& s : samplers) put(i, sampled ? s : ImageState{});
   }
 
+  const size_t known = groups.size();
+  if (sampled && disabledIdeas() & bit(Idea::SpecialisedSampling)) addUsualSamplers(groups);
+  const bool chosen = groups.size() > known;   // by what the descriptors say when the routine runs
+
   const auto expand = [&](const Element& g) {
     const char* why = nullptr;
     texture::SamplerRef sampler;
     if (sampled) sampler = samplerRef(b, op.samplerResource, samplerElement, g.sampler);
     std::vector<Value> r = texture::expandImage(b, op, operands, imageRef(b, op.imageResource, imageElement, g.image), sampler, &why);
-    if (why) fail(why);
+    if (why && &g < groups.data() + known) fail(why);
     return r;
   };
 
@@ -202,7 +227,7 @@ std::vector<Value> StageExpander::image(ir::Builder& b, const ir::ImageOpInfo& o
   for (const Element& g : groups) {
     Value mask = b.mask(true);
     if (images.size() > 1) mask = b.maskAnd(mask, inState(b, op.imageResource, imageElement, g.image.view));
-    if (sampled && (samplers.size() > 1 || (samplers.empty() && images.size() > 1)))
+    if (sampled && (chosen || samplers.size() > 1 || (samplers.empty() && images.size() > 1)))
       mask = b.maskAnd(mask, inState(b, op.samplerResource, samplerElement, g.sampler.sampler));
     if (off) mask = b.maskAnd(mask, b.maskNot(off));
     pending.push_back({mask, &g});
@@ -234,6 +259,14 @@ base::Status finishRoutine(ir::Function& f) {
 }
 
 namespace {
+
+base::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options, bool wholeBlocks) {
+  const Ideas off = disabledIdeas();
+  constexpr uint32_t kOneVector = 8;   // lanes
+  auto made = jit::makeExecutable(f, options, wholeBlocks, off & bit(Idea::Interleaving) ? kOneVector : 0);
+  if (!made || !(off & bit(Idea::Preamble))) return made;
+  return preambleEachRow(std::move(made).value());
+}
 
 //! Executables by the bytes of the function that they were made from, as long as somebody has them.
 class Compiled {
@@ -290,7 +323,7 @@ base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir:
   options.checked = std::move(checked);
   // What is watched says which shader it is of.
   if (std::any_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
-    auto watched = jit::makeExecutable(f, options, wholeBlocks);
+    auto watched = makeExecutable(f, options, wholeBlocks);
     if (!watched) return std::move(watched).error();
     return std::shared_ptr<const interp::Executable>(std::move(watched).value());
   }
@@ -303,7 +336,7 @@ base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir:
   const uint64_t hash = base::hashBytes(w.bytes.data(), w.bytes.size());
   auto entry = compiled.find(hash, w.bytes);
   if (!entry) {
-    auto made = jit::makeExecutable(f, options, wholeBlocks);
+    auto made = makeExecutable(f, options, wholeBlocks);
     if (!made) return std::move(made).error();
     entry = compiled.insert(hash, {std::move(w.bytes), std::move(made).value()});   // a second one does no harm
   }

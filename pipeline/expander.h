@@ -53,6 +53,8 @@ class StageExpander : public ir::Expander {
   texture::SamplerRef samplerRef(ir::Builder& b, uint32_t resource, ir::Value element, const ImageState& state);
   //! The states that the element's descriptor may be in.
   std::vector<ImageState> states(ir::Builder& b, uint32_t resource, ir::Value element) const;
+  //! With specialised sampling turned off: the ways to sample that a routine made before the sampler is known would have to hold.
+  static void addUsualSamplers(std::vector<Element>& groups);
   //! Lanes whose descriptor is in the state.
   ir::Value inState(ir::Builder& b, uint32_t resource, ir::Value element, const texture::ViewKey& key);
   ir::Value inState(ir::Builder& b, uint32_t resource, ir::Value element, const texture::SamplerKey& key);

@@ -13,7 +13,10 @@ namespace pumice::pipeline {
   X(OneRecord, "one-record")          \
   X(WholeBlocks, "whole-blocks")      \
   X(LazyClear, "lazy-clear")          \
-  X(OneColor, "one-color")
+  X(OneColor, "one-color")            \
+  X(Preamble, "preamble")             \
+  X(Interleaving, "interleaving")     \
+  X(SpecialisedSampling, "specialised-sampling")
 
 enum class Idea : uint32_t {
 #define PUMICE_IDEA(id, name) id,

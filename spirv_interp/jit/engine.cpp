@@ -32,7 +32,7 @@ struct Settings {
 }  // namespace
 
 interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options,
-                                                                   bool wholeBlocks) {
+                                                                   bool wholeBlocks, uint32_t chunkLanes) {
   static const Settings settings;
   if (settings.dumpIr) std::fputs(ir::print(f).c_str(), stderr);
   // Checks (PUMICE_CHECK) are the interpreter's.
@@ -41,6 +41,7 @@ interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Fun
     std::string listing;
     JitOptions jit;
     jit.wholeBlocks = wholeBlocks;
+    jit.chunkLanes = chunkLanes;
     if (settings.dumpCode) jit.listing = &listing;
     auto native = compile(f, options, jit);
     if (!listing.empty()) std::fprintf(stderr, "; %s\n%s", f.name.c_str(), listing.c_str());

@@ -6,8 +6,8 @@
 namespace pumice::jit {
 
 //! Machine code or the interpreter, as PUMICE_ENGINE says; what cannot be emitted goes to the interpreter. `wholeBlocks`: a promise about
-//! rows (JitOptions).
+//! rows (JitOptions); `chunkLanes` too.
 interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options,
-                                                                   bool wholeBlocks = false);
+                                                                   bool wholeBlocks = false, uint32_t chunkLanes = 0);
 
 }  // namespace pumice::jit
