@@ -189,8 +189,13 @@ void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte
   bool oneColor = false;
   if (const uint32_t colors = draw_->oneColors) {
     oneColor = draw_->takesOneColor && every == 0xffff && colors_.takes(block, 1, colors, draw_->visibility->replaced);
-    if (oneColor) colors_.take(block, 1, colors);
-    else colors_.split(block, 1, colors);
+    if (oneColor) {
+      colors_.take(block, 1, colors);
+    } else {
+      // Other quads of the block may wait in the row, and write the sample that stands for all.
+      if (pending_[block] && colors_.any(block, 1, colors)) flush();
+      colors_.split(block, 1, colors);
+    }
   }
   const float fx = float(x & kTileMask), fy = float(y & kTileMask);
   oneRecord_ = count_ == 0 || (oneRecord_ && record == quadRecords_[0]);
