@@ -18,7 +18,7 @@
 #include <emmintrin.h>
 #endif
 
-#include "raster/tiles.h"
+#include "raster/coverage_box.h"
 
 namespace pumice::raster {
 namespace {
@@ -44,13 +44,8 @@ constexpr LineMasks kLineMasks = [] {
   return m;
 }();
 
-// Inclusive rectangle of pixels within the tile.
-struct Rect {
-  int x0, y0, x1, y1;
-};
-
 // The places of a 4x4 arrangement of cells of 2^shift pixels, at (x, y), that the rectangle touches.
-inline uint32_t placesInside(const Rect& r, int x, int y, int shift) {
+inline uint32_t placesInside(const TileBox& r, int x, int y, int shift) {
   auto set = [shift](int low, int high, int start) {
     const int first = std::max((low - start) >> shift, 0), last = std::min((high - start) >> shift, 3);
     return first > last ? 0u : (0xfu >> (3 - last)) & (0xfu << first) & 0xfu;
@@ -98,8 +93,9 @@ inline uint32_t negativePlaces(T base, const TileEdge<T>& edge) {
 template <typename T>
 class TileRasterizer {
  public:
-  TileRasterizer(const Rect& rect, int64_t originX, int64_t originY, std::span<const std::array<uint8_t, 2>> locations, BlockSink& sink)
-      : rect_(rect), originX_(originX), originY_(originY), locations_(locations), samples_(uint32_t(locations.size())), sink_(sink) {}
+  TileRasterizer(const Primitive& primitive, const TileBox& rect, int64_t originX, int64_t originY, std::span<const std::array<uint8_t, 2>> locations,
+                 BlockSink& sink)
+      : primitive_(primitive), rect_(rect), originX_(originX), originY_(originY), locations_(locations), samples_(uint32_t(locations.size())), sink_(sink) {}
 
   //! False when the edge lets in nothing of the rectangle. One that lets in all of it is forgotten.
   bool addEdge(const Edge& edge) {
@@ -162,10 +158,23 @@ class TileRasterizer {
       const int cellX = x + (placeX(i) << shift), cellY = y + (placeY(i) << shift);
       if constexpr (shift == 4) {
         const bool whole = !cutting && contains(cellX, cellY, 16);
-        if (!sink_.square(uint32_t(originX_ + cellX), uint32_t(originY_ + cellY), 16, whole)) split<2>(cellX, cellY, cutting);
+        if (!sink_.square(uint32_t(originX_ + cellX), uint32_t(originY_ + cellY), 16, whole)) square(cellX, cellY, cutting);
       } else
         block(cellX, cellY, cutting);
     }
+  }
+
+  void square(int x, int y, uint32_t active) {
+    if (const CoverBox cover = active ? coverBox() : nullptr) {
+      BlockList list;
+      list.samples = samples_;
+      const TileBox box = {std::max(rect_.x0, x), std::max(rect_.y0, y), std::min(rect_.x1, x + 15), std::min(rect_.y1, y + 15)};
+      if (cover(primitive_, int(originX_), int(originY_), box, locations_, list)) {
+        if (list.count) sink_.blocks(uint32_t(originX_), uint32_t(originY_), list);
+        return;
+      }
+    }
+    split<2>(x, y, active);
   }
 
   bool contains(int x, int y, int size) const {
@@ -243,7 +252,8 @@ class TileRasterizer {
 
   TileEdge<T> edges_[4];
   uint32_t count_ = 0;
-  Rect rect_;
+  const Primitive& primitive_;
+  TileBox rect_;
   int64_t originX_, originY_;  // of the tile, pixels
   std::span<const std::array<uint8_t, 2>> locations_;
   uint32_t samples_;
@@ -263,13 +273,24 @@ void rasterize(const Primitive& p, uint32_t tileX, uint32_t tileY, const VkRect2
   const int64_t originX = tileX * kTile, originY = tileY * kTile;
   auto first = [](int64_t a, int64_t b, int64_t origin) { return int(std::clamp<int64_t>(std::max(a, b) - origin, 0, kTileSize)); };
   auto last = [](int64_t a, int64_t b, int64_t origin) { return int(std::clamp<int64_t>(std::min(a, b) - origin, -1, kTileSize - 1)); };
-  Rect rect;
+  TileBox rect;
   rect.x0 = first(p.minX, bounds.offset.x, originX);
   rect.y0 = first(p.minY, bounds.offset.y, originY);
   rect.x1 = last(p.maxX, int64_t(bounds.offset.x) + bounds.extent.width - 1, originX);
   rect.y1 = last(p.maxY, int64_t(bounds.offset.y) + bounds.extent.height - 1, originY);
   if (rect.x0 > rect.x1 || rect.y0 > rect.y1) return;
 
+  const auto blocks = [](int first, int last) { return (last >> 2) - (first >> 2) + 1; };
+  if (blocks(rect.x0, rect.x1) <= kMostBoxBlocks && blocks(rect.y0, rect.y1) <= kMostBoxBlocks) {
+    if (const CoverBox cover = coverBox()) {
+      BlockList list;
+      list.samples = samples;
+      if (cover(p, int(originX), int(originY), rect, locations, list)) {
+        if (list.count) sink.blocks(uint32_t(originX), uint32_t(originY), list);
+        return;
+      }
+    }
+  }
   bool narrow = true;
   for (uint32_t k = 0; k < p.edgeCount; k++) narrow &= std::abs(p.edges[k].a) + std::abs(p.edges[k].b) <= kNarrowLimit;
   auto run = [&](auto rasterizer) {
@@ -278,9 +299,9 @@ void rasterize(const Primitive& p, uint32_t tileX, uint32_t tileY, const VkRect2
     rasterizer.run();
   };
   if (narrow)
-    run(TileRasterizer<int32_t>(rect, originX, originY, locations, sink));
+    run(TileRasterizer<int32_t>(p, rect, originX, originY, locations, sink));
   else
-    run(TileRasterizer<int64_t>(rect, originX, originY, locations, sink));
+    run(TileRasterizer<int64_t>(p, rect, originX, originY, locations, sink));
 }
 
 }  // namespace pumice::raster

@@ -37,6 +37,22 @@ class Bins {
   std::vector<std::vector<BinEntry>> tiles_;
 };
 
+constexpr uint32_t kBlocksPerTile = 256;
+
+//! Number of the 4x4 block at a pixel of the tile: 16x16 squares row by row, blocks within them row by row.
+constexpr uint32_t blockNumber(uint32_t x, uint32_t y) { return (y >> 4) << 6 | (x >> 4) << 4 | (y >> 2 & 3) << 2 | (x >> 2 & 3); }
+constexpr uint32_t blockX(uint32_t block) { return (block >> 4 & 3) << 4 | (block & 3) << 2; }
+constexpr uint32_t blockY(uint32_t block) { return (block >> 6) << 4 | (block >> 2 & 3) << 2; }
+
+//! Blocks of a tile in which a primitive covers something, each at most once, and what it covers there: masks as BlockSink::block() has
+//! them, `samples` for each block.
+struct BlockList {
+  static constexpr uint32_t kCapacity = 64;
+  uint32_t count = 0, samples = 1;
+  uint8_t numbers[kCapacity + 1];              //!< room for one more that is written and not counted
+  uint16_t masks[(kCapacity + 1) * 16];
+};
+
 //! Called per 4x4 block with some coverage: block coordinates in pixels (multiples of 4, framebuffer), and per sample a
 //! 16-bit mask in quad-major order (texture::blockIndex). `masks` has `samples` entries.
 class BlockSink {
@@ -46,6 +62,11 @@ class BlockSink {
   //! Before the blocks of a square of 64 or 16 pixels at (x, y): all samples of it are covered (whole), or some may be. True: its
   //! blocks are not wanted. Small primitives come as blocks only.
   virtual bool square(uint32_t, uint32_t, uint32_t, bool) { return false; }
+  //! Some blocks at once, of the tile whose corner is (tileX, tileY) pixels.
+  virtual void blocks(uint32_t tileX, uint32_t tileY, const BlockList& list) {
+    for (uint32_t i = 0; i < list.count; i++)
+      block(tileX + blockX(list.numbers[i]), tileY + blockY(list.numbers[i]), list.masks + i * list.samples);
+  }
 };
 
 //! Rasterizes one primitive within tile (tileX, tileY), counted in tiles (64 -> 16 -> 4 descent) at 1, 2, 4, 8 or 16 standard sample locations,

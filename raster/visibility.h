@@ -11,13 +11,6 @@
 
 namespace pumice::raster {
 
-constexpr uint32_t kBlocksPerTile = 256;
-
-//! Number of the block at a pixel of the tile: 16x16 squares row by row, blocks within them row by row.
-constexpr uint32_t blockNumber(uint32_t x, uint32_t y) { return (y >> 4) << 6 | (x >> 4) << 4 | (y >> 2 & 3) << 2 | (x >> 2 & 3); }
-constexpr uint32_t blockX(uint32_t block) { return (block >> 4 & 3) << 4 | (block & 3) << 2; }
-constexpr uint32_t blockY(uint32_t block) { return (block >> 6) << 4 | (block >> 2 & 3) << 2; }
-
 //! How a draw tests depth. test false: everything passes and nothing is written.
 struct DepthTest {
   bool test = false, write = false;

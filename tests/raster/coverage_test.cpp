@@ -1,3 +1,4 @@
+#include "raster/coverage_box.h"
 #include "raster_fixture.h"
 
 namespace pumice::raster::test {
@@ -196,6 +197,84 @@ TEST(Bins, LeaveOutTilesBeyondAnEdge) {
   EXPECT_LE(used, 16u * 17 / 2 + 15);
   bins.clear();
   EXPECT_TRUE(bins.empty());
+}
+
+//! Whether the primitive's edges let a sample in: the sums of tiles.h, without any short cut.
+bool edgesLetIn(const Primitive& p, int64_t x, int64_t y) {
+  for (uint32_t k = 0; k < p.edgeCount; k++)
+    if (p.edges[k].a * x + p.edges[k].b * y + p.edges[k].c < 0) return false;
+  return true;
+}
+
+TEST(Coverage, BoxesGiveWhatTheEdgesSay) {
+  const CoverBox cover = coverBox();
+  if (!cover) GTEST_SKIP() << "this processor has no such function";
+  std::mt19937 random(11);
+  const auto between = [&](int64_t low, int64_t high) { return std::uniform_int_distribution<int64_t>(low, high)(random); };
+  uint32_t covered = 0, refused = 0, whole = 0;
+  for (int i = 0; i < 20000; i++) {
+    const uint32_t samples = kSampleCounts[random() % 5];
+    const auto locations = sampleLocations(samples);
+    const int originX = int(between(0, 255)) * 64, originY = int(between(0, 255)) * 64;
+    TileBox box;
+    box.x0 = int(between(0, 63)), box.y0 = int(between(0, 63));
+    box.x1 = std::min<int>(63, std::min<int>((box.x0 & ~3) + 31, box.x0 + int(between(0, 31))));
+    box.y1 = std::min<int>(63, std::min<int>((box.y0 & ~3) + 31, box.y0 + int(between(0, 31))));
+    // Corners about the box, at all distances; some exactly on sample places. Triangles and parallelograms, turned inside.
+    const int64_t reach = int64_t(1) << between(4, i % 4 ? 14 : 28);
+    const int64_t atX = (originX + box.x0) * 256, atY = (originY + box.y0) * 256, grid = i % 3 ? 1 : 16;
+    std::array<std::array<int64_t, 2>, 4> c;
+    for (auto& corner : c) corner = {(atX + between(-reach, reach)) / grid * grid, (atY + between(-reach, reach)) / grid * grid};
+    Primitive p;
+    p.edgeCount = random() % 4 ? 3 : 4;
+    if (p.edgeCount == 4) c[3] = {c[0][0] + c[2][0] - c[1][0], c[0][1] + c[2][1] - c[1][1]};
+    const auto cross = [&](int k, int l, int64_t x, int64_t y) {
+      return (c[l][0] - c[k][0]) * (y - c[k][1]) - (c[l][1] - c[k][1]) * (x - c[k][0]);
+    };
+    const int64_t turn = cross(0, 1, c[2][0], c[2][1]) < 0 ? -1 : 1;
+    bool fits = true;
+    for (uint32_t k = 0; k < p.edgeCount; k++) {
+      const auto &from = c[k], &to = c[(k + 1) % p.edgeCount];
+      const int64_t a = turn * (from[1] - to[1]), b = turn * (to[0] - from[0]);
+      fits &= std::abs(a) < 1 << 30 && std::abs(b) < 1 << 30;
+      p.edges[k] = {int32_t(a), int32_t(b), -(a * from[0] + b * from[1]) - int64_t(random() % 2)};
+    }
+    if (!fits) continue;
+    BlockList list;
+    list.samples = samples;
+    if (!cover(p, originX, originY, box, locations, list)) {
+      EXPECT_EQ(list.count, 0u);
+      bool isLong = false;
+      for (uint32_t k = 0; k < p.edgeCount; k++) isLong |= std::abs(p.edges[k].a) + std::abs(p.edges[k].b) > 1 << 23;
+      EXPECT_TRUE(isLong);
+      refused++;
+      continue;
+    }
+    std::vector<uint16_t> expected(kBlocksPerTile * samples), found(kBlocksPerTile * samples);
+    for (int y = box.y0; y <= box.y1; y++)
+      for (int x = box.x0; x <= box.x1; x++)
+        for (uint32_t s = 0; s < samples; s++)
+          if (edgesLetIn(p, (originX + x) * 256 + locations[s][0] * 16, (originY + y) * 256 + locations[s][1] * 16)) {
+            const uint32_t place = (x & 1) | (y & 1) << 1 | (x & 2) << 1 | (y & 2) << 2;
+            expected[blockNumber(uint32_t(x), uint32_t(y)) * samples + s] |= uint16_t(1u << place);
+            covered++;
+          }
+    for (uint32_t n = 0; n < list.count; n++) {
+      uint32_t any = 0;
+      for (uint32_t s = 0; s < samples; s++) {
+        uint16_t& f = found[list.numbers[n] * samples + s];
+        EXPECT_EQ(f, 0) << "a block comes twice";
+        any |= f = list.masks[n * samples + s];
+        whole += f == 0xffff;
+      }
+      EXPECT_NE(any, 0u) << "a block without coverage";
+    }
+    ASSERT_EQ(found, expected) << "case " << i << ": box " << box.x0 << "," << box.y0 << " to " << box.x1 << "," << box.y1 << " of the tile at " << originX << ","
+                               << originY << ", " << samples << " samples";
+  }
+  EXPECT_GT(covered, 100000u);
+  EXPECT_GT(refused, 100u);
+  EXPECT_GT(whole, 1000u);
 }
 
 }  // namespace
