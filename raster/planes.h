@@ -38,6 +38,8 @@ class PlaneBuilder {
   void setView(const ViewTransform& view) { view_ = &view; }
   //! Sets that are made from now on last until the next one (or for good).
   void setTemporary(bool temporary) { temporary_ = temporary; }
+  //! Memory for a set; false (and logged) when there is none.
+  bool allocate(PlaneSet& set);
 
   //! Planes through three corners with positive w (exact or snapped positions). The corners are the own vertices, in their order.
   bool fromOwnCorners(const SetupVertex* own, uint32_t provokingSlot, const double* x, const double* y, PlaneSet& set);
@@ -60,7 +62,6 @@ class PlaneBuilder {
  private:
   template <typename Solve>
   bool fill(uint32_t ownCount, const SetupVertex* own, uint32_t provokingSlot, PlaneSet& set, Solve&& solve);
-  bool allocate(PlaneSet& set);
   void depthRange(const ClipVertex* polygon, uint32_t count, double& low, double& high) const;
 
   const SetupState& state_;

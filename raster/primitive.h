@@ -85,6 +85,7 @@ struct SetupState {
   LineMode lineMode = LineMode::Rectangular;
   uint32_t samples = 1;
   bool cellRecords = false;          //!< triangles inside of one grid cell get their record, and no planes
+  bool singly = false;               //!< never several triangles at once (tests compare the two ways)
   std::span<const Varying> varyings;
 };
 

@@ -334,7 +334,7 @@ void SetupContext::triangle(const uint32_t (&slots)[3], uint32_t provoking, uint
     return;
   }
   const ClipVertex polygon[3] = {own[0].clip, own[1].clip, own[2].clip};
-  planes_.finishDepth(polygon, 3, 1.0 / 128, planes_.depthOffset(polygon, 3, set.planes[0]), set);
+  planes_.finishDepth(polygon, 3, kReachPixels, planes_.depthOffset(polygon, 3, set.planes[0]), set);
   if (oneCell) emitRecord(p, set);
   else emit(p, set);
   counters_.output++;
@@ -430,7 +430,7 @@ void SetupContext::clippedTriangle(const SetupVertex (&own)[3], const ClipVolume
         done = planes_.fromCorners(own, provokingSlot, three, set);
       }
       if (!done) break;
-      planes_.finishDepth(polygon, count, 1.0 / 128, planes_.depthOffset(polygon, count, set.planes[0]), set);
+      planes_.finishDepth(polygon, count, kReachPixels, planes_.depthOffset(polygon, count, set.planes[0]), set);
     }
     emit(p, set);
     emitted++;
@@ -447,32 +447,41 @@ void setupPrimitives(const SetupState& state, const VertexOutputs& vertices, std
   const size_t n = slots.size();
   const bool last = state.provokingLast;
   uint32_t id = firstPrimitiveId;
+  // corners(i, take) calls take(slots, provoking corner) with those of triangle i.
+  const auto triangles = [&](size_t count, const auto& corners) {
+    size_t i = 0;
+    if (count >= 4 && context.takesFour(slots)) {
+      SetupContext::Four four;
+      for (; i + 4 <= count; i += 4, id += 4) {
+        for (uint32_t k = 0; k < 4; k++) corners(i + k, [&](const uint32_t(&s)[3], uint32_t provoking) { four.set(k, s, provoking); });
+        four.findConsecutive();
+        context.four(four, id);
+      }
+    }
+    for (; i < count; i++) corners(i, [&](const uint32_t(&s)[3], uint32_t provoking) { context.triangle(s, provoking, id++); });
+  };
   // Vulkan specification, "Primitive topologies"; adjacent vertices are only for geometry shaders.
   switch (state.topology) {
     case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST:
-      for (size_t i = 0; i + 3 <= n; i += 3) context.triangle({slots[i], slots[i + 1], slots[i + 2]}, last ? 2 : 0, id++);
+      triangles(n / 3, [&](size_t i, auto&& take) { take({slots[3 * i], slots[3 * i + 1], slots[3 * i + 2]}, last ? 2 : 0); });
       break;
     case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP:
-      for (size_t i = 0; i + 3 <= n; i++) {
-        if (i & 1)
-          context.triangle({slots[i], slots[i + 2], slots[i + 1]}, last ? 1 : 0, id++);
-        else
-          context.triangle({slots[i], slots[i + 1], slots[i + 2]}, last ? 2 : 0, id++);
-      }
+      triangles(n < 3 ? 0 : n - 2, [&](size_t i, auto&& take) {
+        if (i & 1) take({slots[i], slots[i + 2], slots[i + 1]}, last ? 1 : 0);
+        else take({slots[i], slots[i + 1], slots[i + 2]}, last ? 2 : 0);
+      });
       break;
     case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN:
-      for (size_t i = 0; i + 3 <= n; i++) context.triangle({slots[i + 1], slots[i + 2], slots[0]}, last ? 1 : 0, id++);
+      triangles(n < 3 ? 0 : n - 2, [&](size_t i, auto&& take) { take({slots[i + 1], slots[i + 2], slots[0]}, last ? 1 : 0); });
       break;
     case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST_WITH_ADJACENCY:
-      for (size_t i = 0; i + 6 <= n; i += 6) context.triangle({slots[i], slots[i + 2], slots[i + 4]}, last ? 2 : 0, id++);
+      triangles(n / 6, [&](size_t i, auto&& take) { take({slots[6 * i], slots[6 * i + 2], slots[6 * i + 4]}, last ? 2 : 0); });
       break;
     case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP_WITH_ADJACENCY:
-      for (size_t i = 0; i + 6 <= n; i += 2) {
-        if (i & 2)
-          context.triangle({slots[i], slots[i + 4], slots[i + 2]}, last ? 1 : 0, id++);
-        else
-          context.triangle({slots[i], slots[i + 2], slots[i + 4]}, last ? 2 : 0, id++);
-      }
+      triangles(n < 6 ? 0 : (n - 4) / 2, [&](size_t i, auto&& take) {
+        if (i & 1) take({slots[2 * i], slots[2 * i + 4], slots[2 * i + 2]}, last ? 1 : 0);
+        else take({slots[2 * i], slots[2 * i + 2], slots[2 * i + 4]}, last ? 2 : 0);
+      });
       break;
     case VK_PRIMITIVE_TOPOLOGY_LINE_LIST:
       for (size_t i = 0; i + 2 <= n; i += 2) context.line({slots[i], slots[i + 1]}, last ? 1 : 0, id++);

@@ -29,6 +29,12 @@ inline int64_t area2(const SnappedPoint& a, const SnappedPoint& b, const Snapped
   return (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
 }
 
+//! Samples of a snapped polygon lie at most so many pixels outside of the exact one.
+constexpr double kReachPixels = 1.0 / 128;
+
+//! Whether this processor sets up triangles in fours (setup_batch.cpp), and PUMICE_ISA allows it.
+bool fourAtOnce();
+
 //! Everything that is computed once per call of setupPrimitives.
 class SetupContext {
  public:
@@ -36,6 +42,26 @@ class SetupContext {
                SetupCounters& counters);
 
   void triangle(const uint32_t (&slots)[3], uint32_t provoking, uint32_t primitiveId);
+  //! Four triangles in a row: slots by corner and triangle; which corner is the provoking one, and its slot.
+  struct Four {
+    uint32_t slots[3][4];
+    uint8_t provokingCorner[4];
+    uint32_t provoking[4];
+    bool consecutive = false;   //!< the slots are twelve numbers in a row
+    void set(uint32_t triangle, const uint32_t (&s)[3], uint32_t corner) {
+      for (int k = 0; k < 3; k++) slots[k][triangle] = s[k];
+      provokingCorner[triangle] = uint8_t(corner);
+      provoking[triangle] = s[corner];
+    }
+    void findConsecutive() {
+      consecutive = true;
+      for (uint32_t i = 1; i < 12; i++) consecutive &= slots[i % 3][i / 3] == slots[0][0] + i;
+    }
+  };
+  //! Whether four() may be called in this draw, with these slots.
+  bool takesFour(std::span<const uint32_t> slots) const { return fourAtOnce() && !state_.singly && plain() && allSlotsExist(slots); }
+  //! Does what triangle() would do with each, in order, to the bit. firstId: of the first.
+  void four(const Four& four, uint32_t firstId);
   void line(const uint32_t (&slots)[2], uint32_t provoking, uint32_t primitiveId);
   void point(uint32_t slot, uint32_t primitiveId);
 
@@ -62,6 +88,9 @@ class SetupContext {
     bool ofPolygon = false;   // cull distances are already decided
   };
 
+  //! Nothing but the corners' positions makes one triangle special.
+  bool plain() const;
+  bool allSlotsExist(std::span<const uint32_t> slots) const;
   //! Takes the viewport and layer of the provoking vertex; false when there is no such layer.
   bool select(uint32_t provokingSlot);
   bool load(uint32_t slot, uint32_t weight, SetupVertex& vertex) const;
@@ -97,6 +126,7 @@ class SetupContext {
   uint16_t layer_ = 0;
   bool choosesView_, userClips_;
   PlaneBuilder planes_;
+  Primitive four_[4];       // four() fills these
   int sampleLowX_, sampleLowY_, sampleHighX_, sampleHighY_;  // range of sample positions in a pixel, 1/256
 };
 
