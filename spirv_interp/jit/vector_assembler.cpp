@@ -1,8 +1,10 @@
 #include "spirv_interp/jit/vector_assembler.h"
 
+#include <algorithm>
 #include <array>
 
 #include "spirv_interp/jit/plan.h"
+#include "spirv_interp/jit/vex.h"
 
 namespace pumice::jit {
 namespace {
@@ -77,7 +79,18 @@ bool high(const Operand_& o) {
 
 }  // namespace
 
+bool VectorAssembler::direct(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_& o3) {
+  if (!direct_ || remainingSpace() < kVexBytes) return false;
+  uint8_t* const end = writeVex(_bufferPtr, id, o0, o1, o2, o3);
+  if (!end) return false;
+  _bufferPtr = end;
+  size_t& size = _section->_buffer._size;
+  size = std::max(size, offset());
+  return true;
+}
+
 Error VectorAssembler::_emit(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_* more) {
+  if (direct(id, o0, o1, o2, more[0])) return asmjit::kErrorOk;
   const Rule rule = evex_ ? kRules[id & 0xffff] : Rule{};
   const auto plain = [&](InstId which, const Operand_& a, const Operand_& b, const Operand_& c = kNoMore[0], const Operand_* d = kNoMore) {
     return Assembler::_emit(which, a, b, c, d);

@@ -1,0 +1,118 @@
+#include "spirv_interp/jit/vex.h"
+
+namespace pumice::jit {
+namespace {
+
+namespace I = asmjit::x86::Inst;
+using enum VexForm;
+
+struct Row {
+  uint32_t id;
+  VexRow row;
+};
+constexpr Row kRows[] = {
+    // --- 0f: floats
+    {I::kIdVmovups, {Move, 1, 0, false, 0x10, 0x11}},
+    {I::kIdVmovaps, {Move, 1, 0, false, 0x28, 0x29}},
+    {I::kIdVsqrtps, {Rm, 1, 0, false, 0x51}},
+    {I::kIdVsqrtpd, {Rm, 1, 1, false, 0x51}},
+    {I::kIdVandps, {Rvm, 1, 0, false, 0x54}},
+    {I::kIdVandnps, {Rvm, 1, 0, false, 0x55}},
+    {I::kIdVorps, {Rvm, 1, 0, false, 0x56}},
+    {I::kIdVxorps, {Rvm, 1, 0, false, 0x57}},
+    {I::kIdVaddps, {Rvm, 1, 0, false, 0x58}},
+    {I::kIdVaddpd, {Rvm, 1, 1, false, 0x58}},
+    {I::kIdVmulps, {Rvm, 1, 0, false, 0x59}},
+    {I::kIdVmulpd, {Rvm, 1, 1, false, 0x59}},
+    {I::kIdVcvtdq2ps, {Rm, 1, 0, false, 0x5b}},
+    {I::kIdVcvtps2dq, {Rm, 1, 1, false, 0x5b}},
+    {I::kIdVcvttps2dq, {Rm, 1, 2, false, 0x5b}},
+    {I::kIdVsubps, {Rvm, 1, 0, false, 0x5c}},
+    {I::kIdVsubpd, {Rvm, 1, 1, false, 0x5c}},
+    {I::kIdVminps, {Rvm, 1, 0, false, 0x5d}},
+    {I::kIdVminpd, {Rvm, 1, 1, false, 0x5d}},
+    {I::kIdVdivps, {Rvm, 1, 0, false, 0x5e}},
+    {I::kIdVdivpd, {Rvm, 1, 1, false, 0x5e}},
+    {I::kIdVmaxps, {Rvm, 1, 0, false, 0x5f}},
+    {I::kIdVmaxpd, {Rvm, 1, 1, false, 0x5f}},
+    {I::kIdVcmpps, {RvmImm, 1, 0, false, 0xc2}},
+    {I::kIdVcmppd, {RvmImm, 1, 1, false, 0xc2}},
+    {I::kIdVshufps, {RvmImm, 1, 0, false, 0xc6}},
+    // --- 0f: integers
+    {I::kIdVpcmpgtd, {Rvm, 1, 1, false, 0x66}},
+    {I::kIdVpshufd, {RmImm, 1, 1, false, 0x70}},
+    {I::kIdVpsrld, {Shift, 1, 1, false, 0x72, 2}},
+    {I::kIdVpsrad, {Shift, 1, 1, false, 0x72, 4}},
+    {I::kIdVpslld, {Shift, 1, 1, false, 0x72, 6}},
+    {I::kIdVpsrlq, {Shift, 1, 1, false, 0x73, 2}},
+    {I::kIdVpsllq, {Shift, 1, 1, false, 0x73, 6}},
+    {I::kIdVpcmpeqd, {Rvm, 1, 1, false, 0x76}},
+    {I::kIdVpaddq, {Rvm, 1, 1, false, 0xd4}},
+    {I::kIdVpand, {Rvm, 1, 1, false, 0xdb}},
+    {I::kIdVpandn, {Rvm, 1, 1, false, 0xdf}},
+    {I::kIdVpor, {Rvm, 1, 1, false, 0xeb}},
+    {I::kIdVpxor, {Rvm, 1, 1, false, 0xef}},
+    {I::kIdVpmuludq, {Rvm, 1, 1, false, 0xf4}},
+    {I::kIdVpsubd, {Rvm, 1, 1, false, 0xfa}},
+    {I::kIdVpsubq, {Rvm, 1, 1, false, 0xfb}},
+    {I::kIdVpaddd, {Rvm, 1, 1, false, 0xfe}},
+    // --- 0f 38
+    {I::kIdVcvtph2ps, {Rm, 2, 1, false, 0x13}},
+    {I::kIdVptest, {Rm, 2, 1, false, 0x17}},
+    {I::kIdVbroadcastss, {Rm, 2, 1, false, 0x18}},
+    {I::kIdVbroadcastsd, {Rm, 2, 1, false, 0x19}},
+    {I::kIdVpmovsxdq, {Rm, 2, 1, false, 0x25}},
+    {I::kIdVpmuldq, {Rvm, 2, 1, false, 0x28}},
+    {I::kIdVpcmpeqq, {Rvm, 2, 1, false, 0x29}},
+    {I::kIdVpackusdw, {Rvm, 2, 1, false, 0x2b}},
+    {I::kIdVpmovzxbd, {Rm, 2, 1, false, 0x31}},
+    {I::kIdVpmovzxwd, {Rm, 2, 1, false, 0x33}},
+    {I::kIdVpmovzxdq, {Rm, 2, 1, false, 0x35}},
+    {I::kIdVpcmpgtq, {Rvm, 2, 1, false, 0x37}},
+    {I::kIdVpminsd, {Rvm, 2, 1, false, 0x39}},
+    {I::kIdVpminud, {Rvm, 2, 1, false, 0x3b}},
+    {I::kIdVpmaxsd, {Rvm, 2, 1, false, 0x3d}},
+    {I::kIdVpmaxud, {Rvm, 2, 1, false, 0x3f}},
+    {I::kIdVpmulld, {Rvm, 2, 1, false, 0x40}},
+    {I::kIdVpsrlvd, {Rvm, 2, 1, false, 0x45}},
+    {I::kIdVpsrlvq, {Rvm, 2, 1, true, 0x45}},
+    {I::kIdVpsravd, {Rvm, 2, 1, false, 0x46}},
+    {I::kIdVpsllvd, {Rvm, 2, 1, false, 0x47}},
+    {I::kIdVpsllvq, {Rvm, 2, 1, true, 0x47}},
+    {I::kIdVpbroadcastd, {Rm, 2, 1, false, 0x58}},
+    {I::kIdVpbroadcastq, {Rm, 2, 1, false, 0x59}},
+#define PUMICE_FMA(name, opcode)                                        \
+  {I::kIdV##name##132ps, {Rvm, 2, 1, false, 0x90 + opcode}},            \
+      {I::kIdV##name##132pd, {Rvm, 2, 1, true, 0x90 + opcode}},         \
+      {I::kIdV##name##213ps, {Rvm, 2, 1, false, 0xa0 + opcode}},        \
+      {I::kIdV##name##213pd, {Rvm, 2, 1, true, 0xa0 + opcode}},         \
+      {I::kIdV##name##231ps, {Rvm, 2, 1, false, 0xb0 + opcode}},        \
+      {I::kIdV##name##231pd, {Rvm, 2, 1, true, 0xb0 + opcode}}
+    PUMICE_FMA(fmadd, 8),
+    PUMICE_FMA(fmsub, 10),
+    PUMICE_FMA(fnmadd, 12),
+    PUMICE_FMA(fnmsub, 14),
+#undef PUMICE_FMA
+    // --- 0f 3a
+    {I::kIdVpermq, {RmImm, 3, 1, true, 0x00}},
+    {I::kIdVpblendd, {RvmImm, 3, 1, false, 0x02}},
+    {I::kIdVpermilps, {RmImm, 3, 1, false, 0x04}},
+    {I::kIdVperm2f128, {RvmImm, 3, 1, false, 0x06}},
+    {I::kIdVroundps, {RmImm, 3, 1, false, 0x08}},
+    {I::kIdVroundpd, {RmImm, 3, 1, false, 0x09}},
+    {I::kIdVblendps, {RvmImm, 3, 1, false, 0x0c}},
+    {I::kIdVinsertf128, {RvmImm, 3, 1, false, 0x18}},
+    {I::kIdVinserti128, {RvmImm, 3, 1, false, 0x38}},
+    {I::kIdVblendvps, {RvmReg, 3, 1, false, 0x4a}},
+    {I::kIdVblendvpd, {RvmReg, 3, 1, false, 0x4b}},
+};
+
+}  // namespace
+
+constinit const std::array<VexRow, I::_kIdCount> kVexRows = [] {
+  std::array<VexRow, I::_kIdCount> rows{};
+  for (const Row& r : kRows) rows[r.id] = r.row;
+  return rows;
+}();
+
+}  // namespace pumice::jit

@@ -1,0 +1,140 @@
+// The vector instructions that make up most of a routine, written without asmjit's general encoder: it takes some 200
+// instructions for each, these forms take 40. The bytes are the same (tests/jit/vex_test.cpp compares them, row by row).
+//
+// Source: Intel SDM, volume 2, 2.3 (VEX prefix) and the instructions' pages.
+#pragma once
+
+#include <asmjit/x86.h>
+
+#include <array>
+#include <cstring>
+
+namespace pumice::jit {
+
+//! How operands stand in an instruction: d in ModRM.reg, m in ModRM.r/m (a vector register or memory), a in VEX.vvvv.
+enum class VexForm : uint8_t {
+  None,
+  Rvm,    //!< d, a, m
+  RvmImm, //!< and a constant
+  RvmReg, //!< and a register, in the constant's upper half
+  Rm,     //!< d, m
+  RmImm,
+  Move,   //!< Rm; `store` is the opcode from d to m
+  Shift,  //!< d in vvvv, m, a constant; `store` is the digit in ModRM.reg
+};
+struct VexRow {
+  VexForm form = VexForm::None;
+  uint8_t map = 0;      //!< 1: 0f, 2: 0f 38, 3: 0f 3a
+  uint8_t prefix = 0;   //!< 0: none, 1: 66, 2: f3, 3: f2
+  bool w = false;
+  uint8_t opcode = 0, store = 0;
+};
+//! By instruction; those that are not here are asmjit's.
+extern const std::array<VexRow, asmjit::x86::Inst::_kIdCount> kVexRows;
+
+constexpr size_t kVexBytes = 16;   //!< no instruction is longer
+
+namespace vex {
+
+//! rax + 0, but for the size of what is there: such addresses are written here.
+inline bool isPlain(const asmjit::Operand_& o) {
+  const uint32_t simple = asmjit::x86::ptr(asmjit::x86::rax, 0).signature().bits();
+  return ((o.signature().bits() ^ simple) & ~asmjit::OperandSignature::kSizeMask) == 0;
+}
+inline bool isLowVector(const asmjit::Operand_& o) {
+  const uint32_t bits = o.signature().bits();
+  return (bits == asmjit::x86::Ymm::kSignature || bits == asmjit::x86::Xmm::kSignature) && o.id() < 16;
+}
+inline bool isYmm(const asmjit::Operand_& o) { return o.signature().bits() == asmjit::x86::Ymm::kSignature; }
+
+}  // namespace vex
+
+//! Writes an instruction to `at`, where kVexBytes are free; where it ends, or null: it is none of these.
+inline uint8_t* writeVex(uint8_t* at, asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2,
+                         const asmjit::Operand_& o3) {
+  using asmjit::Operand_;
+  const VexRow& row = kVexRows[id];
+  const Operand_ *reg = &o0, *rm = &o1;
+  uint32_t opcode = row.opcode, v = 0;
+  uint64_t tail = 0, tailBits = 0;   // a constant behind all
+  switch (row.form) {
+    case VexForm::None: return nullptr;
+    case VexForm::Rvm:
+    case VexForm::RvmImm:
+    case VexForm::RvmReg:
+      rm = &o2;
+      v = o1.id();
+      if (!vex::isLowVector(o1)) return nullptr;
+      if (row.form == VexForm::Rvm) {
+        if (!o3.isNone()) return nullptr;
+        break;
+      }
+      if (row.form == VexForm::RvmImm ? !o3.isImm() : !vex::isLowVector(o3)) return nullptr;
+      tail = row.form == VexForm::RvmImm ? o3.as<asmjit::Imm>().valueAs<uint8_t>() : o3.id() << 4;
+      tailBits = 8;
+      break;
+    case VexForm::Move:
+      if (o0.isMem()) {
+        reg = &o1, rm = &o0;
+        opcode = row.store;
+      }
+      [[fallthrough]];
+    case VexForm::Rm:
+      if (!o2.isNone()) return nullptr;
+      break;
+    case VexForm::Shift:
+    case VexForm::RmImm:
+      if (!o2.isImm() || !o3.isNone()) return nullptr;
+      tail = o2.as<asmjit::Imm>().valueAs<uint8_t>();
+      tailBits = 8;
+      break;
+  }
+  if (!vex::isLowVector(*reg)) return nullptr;
+  uint32_t r = reg->id(), wide = vex::isYmm(*reg) ? 4 : 0;
+  if (row.form == VexForm::Shift) {
+    v = r;
+    r = row.store;
+  }
+  // What follows the opcode, from its lowest byte on.
+  uint32_t base;
+  uint64_t rest;
+  uint32_t restBits = 8;
+  if (rm->isMem()) {
+    if (!vex::isPlain(*rm)) return nullptr;
+    base = rm->as<asmjit::x86::Mem>().baseId();
+    rest = (r & 7) << 3 | (base & 7);
+    if ((base & 7) == 4) {   // rsp and r12 need the byte that could name an index
+      rest |= 0x2400;
+      restBits = 16;
+    }
+    const int32_t offset = rm->as<asmjit::x86::Mem>().offsetLo32();
+    if (offset != int8_t(offset)) {
+      rest |= 0x80 | uint64_t(uint32_t(offset)) << restBits;
+      restBits += 32;
+    } else if (offset || (base & 7) == 5) {
+      rest |= 0x40 | uint64_t(uint8_t(offset)) << restBits;
+      restBits += 8;
+    }
+  } else {
+    if (!vex::isLowVector(*rm)) return nullptr;
+    base = rm->id();
+    rest = 0xc0 | (r & 7) << 3 | (base & 7);
+    if (rm == &o1 && vex::isYmm(*rm)) wide = 4;   // of conversions the larger side counts
+  }
+  rest |= tail << restBits;
+  const uint32_t last = (~v & 15) << 3 | wide | row.prefix, notR = (~r & 8) << 4;
+  uint32_t head, headBytes;
+  if (row.map == 1 && !row.w && base < 8) {
+    head = 0xc5 | (notR | last) << 8 | opcode << 16;
+    headBytes = 3;
+  } else {
+    head = 0xc4 | (notR | 0x40 | (~base & 8) << 2 | row.map) << 8 | (uint32_t(row.w) << 7 | last) << 16 | opcode << 24;
+    headBytes = 4;
+  }
+  std::memcpy(at, &head, sizeof head);
+  at += headBytes;
+  std::memcpy(at, &rest, sizeof rest);
+  return at + (restBits + tailBits) / 8;
+}
+
+}  // namespace pumice::jit
