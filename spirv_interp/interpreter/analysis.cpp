@@ -1,7 +1,6 @@
 #include "spirv_interp/interpreter/analysis.h"
 
 #include <algorithm>
-#include <unordered_map>
 
 namespace pumice::interp {
 namespace {
@@ -55,31 +54,32 @@ bool isNan(ir::Type t, uint64_t bits) {
 void findNan(const Function& f, Analysis& a) {
   const size_t n = f.insts.size();
   a.nan.assign(n, NanBits::Settled);
-  // Variables feed back through loops: repeat until nothing rises.
-  for (bool changed = true; changed;) {
-    changed = false;
+  std::vector<uint8_t> read(n, 0);   // variables whose value was looked at
+  // Variables feed back through loops: repeat until none rises that was looked at before.
+  for (bool again = true; again;) {
+    again = false;
     for (Value v = 1; v < n; v++) {
       const Inst& i = f.insts[v];
-      const auto o = f.operands(v);
       if (i.op == Op::VarSet) {
+        const auto o = f.operands(i);
         const NanBits set = join(a.nan[o[0]], a.nan[o[1]]);
         if (set != a.nan[o[0]]) {
           a.nan[o[0]] = set;
-          changed = true;
+          again |= read[o[0]] != 0;
         }
         continue;
       }
       if (!ir::isFloat(i.type) || i.op == Op::Var) continue;
       NanBits r = NanBits::Kept;
-      if (i.op == Op::Const) r = isNan(i.type, i.imm) ? NanBits::Kept : NanBits::Settled;
-      else if (isArithmetic(i.op)) r = NanBits::Arithmetic;
+      if (isArithmetic(i.op)) r = NanBits::Arithmetic;
+      else if (i.op == Op::Const) r = isNan(i.type, i.imm) ? NanBits::Kept : NanBits::Settled;
       else if (i.op == Op::SToF || i.op == Op::UToF) r = NanBits::Settled;
-      else if (i.op == Op::Select) r = join(a.nan[o[1]], a.nan[o[2]]);
-      else if (i.op == Op::VarGet || movesLanes(i.op)) r = a.nan[o[0]];
-      if (r != a.nan[v]) {
-        a.nan[v] = r;
-        changed = true;
+      else if (i.op == Op::Select) r = join(a.nan[f.operands(i)[1]], a.nan[f.operands(i)[2]]);
+      else if (i.op == Op::VarGet || movesLanes(i.op)) {
+        r = a.nan[f.operands(i)[0]];
+        read[f.operands(i)[0]] = 1;
       }
+      a.nan[v] = r;
     }
   }
 }
@@ -87,21 +87,24 @@ void findNan(const Function& f, Analysis& a) {
 void findExposed(const Function& f, Analysis& a) {
   const size_t n = f.insts.size();
   a.exposed.assign(n, 0);
-  for (bool changed = true; changed;) {
-    changed = false;
+  std::vector<uint8_t> set(n, 0);   // variables with a VarSet behind
+  for (bool again = true; again;) {
+    again = false;
     for (Value v = Value(n); v-- > 1;) {
       const Inst& i = f.insts[v];
-      const auto o = f.operands(v);
-      for (size_t k = 0; k < o.size(); k++) {
-        if (!ir::isFloat(f.type(o[k])) || a.exposed[o[k]]) continue;
-        bool exposes;
-        if (i.op == Op::VarSet) exposes = a.exposed[o[0]];
-        else if (i.op == Op::Select || i.op == Op::VarGet || movesLanes(i.op) || isSign(i.op)) exposes = a.exposed[v];
-        else exposes = !isArithmetic(i.op) && i.op != Op::FToS && i.op != Op::FToU && ir::opInfo(i.op).operands != ir::OperandRule::CmpF;
-        if (exposes) {
-          a.exposed[o[k]] = 1;
-          changed = true;
-        }
+      // Arithmetic makes NaNs of its own.
+      if (isArithmetic(i.op) || i.op == Op::FToS || i.op == Op::FToU || ir::opInfo(i.op).operands == ir::OperandRule::CmpF) continue;
+      const auto o = f.operands(i);
+      if (i.op == Op::VarSet) {
+        set[o[0]] = 1;
+        if (!a.exposed[o[0]]) continue;
+      } else if ((i.op == Op::Select || i.op == Op::VarGet || movesLanes(i.op) || isSign(i.op)) && !a.exposed[v]) {
+        continue;
+      }
+      for (Value x : o) {
+        if (!ir::isFloat(f.type(x)) || a.exposed[x]) continue;
+        a.exposed[x] = 1;
+        again |= set[x] != 0;
       }
     }
   }
@@ -137,9 +140,10 @@ struct Loops {
 
 void findVariables(const Function& f, Analysis& a) {
   const size_t n = f.insts.size();
-  const Loops loops(f);
   a.aliasesVar.assign(n, 0);
   a.setFirst.assign(n, 0);
+  if (std::ranges::none_of(f.insts, [](const Inst& i) { return i.op == Op::VarGet || i.op == Op::VarSet; })) return;
+  const Loops loops(f);
   std::vector<Value> lastUse(n, 0);
   for (Value v = Value(n); v-- > 1;) {
     if (!a.needed[v]) continue;
@@ -147,7 +151,6 @@ void findVariables(const Function& f, Analysis& a) {
     const Value at = f.insts[v].op == Op::BitCast ? std::max(v, lastUse[v]) : v;
     for (Value o : f.operands(v)) lastUse[o] = std::max(lastUse[o], std::max(loops.extend(o, v), loops.extend(o, at)));
   }
-  std::unordered_map<Value, std::vector<Value>> sets;
   // Regions number from 1; `parent` of the function's is 0.
   std::vector<uint32_t> parent{0, 0}, stack{1}, home(n, 0);
   for (Value v = 1; v < n; v++) {
@@ -155,7 +158,6 @@ void findVariables(const Function& f, Analysis& a) {
     if (i.op == Op::Else || i.op == Op::EndIf || i.op == Op::EndLoop || i.op == Op::EndBlock) stack.pop_back();
     if (a.needed[v] && (i.op == Op::VarSet || i.op == Op::VarGet)) {
       const Value var = f.operands(v)[0];
-      if (i.op == Op::VarSet) sets[var].push_back(v);
       if (!home[var]) {
         home[var] = stack.back();
         a.setFirst[var] = i.op == Op::VarSet;
@@ -171,11 +173,13 @@ void findVariables(const Function& f, Analysis& a) {
       stack.push_back(uint32_t(parent.size() - 1));
     }
   }
-  for (Value v = 1; v < n; v++) {
-    if (f.insts[v].op != Op::VarGet || !a.needed[v]) continue;
-    const std::vector<Value>& s = sets[f.operands(v)[0]];
-    const auto next = std::upper_bound(s.begin(), s.end(), v);
-    a.aliasesVar[v] = next == s.end() || *next >= lastUse[v];
+  std::vector<Value> nextSet(n, 0);   // by var: behind v
+  for (Value v = Value(n); v-- > 1;) {
+    const Op op = f.insts[v].op;
+    if ((op != Op::VarGet && op != Op::VarSet) || !a.needed[v]) continue;
+    const Value var = f.operands(v)[0];
+    if (op == Op::VarSet) nextSet[var] = v;
+    else a.aliasesVar[v] = !nextSet[var] || nextSet[var] >= lastUse[v];
   }
 }
 

@@ -26,6 +26,8 @@ class Builder {
   Value emit(Op op, Type type, std::initializer_list<Value> operands, uint64_t imm = 0) {
     return emit(op, type, std::span<const Value>(operands.begin(), operands.size()), imm);
   }
+  //! Appends an instruction that is no marker as it is, and does not remember it. The operands are not in the pool.
+  Value append(Op op, Type type, std::span<const Value> operands, uint64_t imm);
 
   // Constants
   Value constant(Type t, uint64_t bits);
@@ -110,7 +112,6 @@ class Builder {
   uint32_t breakDepth_ = 0;
   std::vector<size_t> scopes_;   //!< marks in available_: values found in closed regions are forgotten
   ValueTable available_;         //!< pure instructions of the open regions
-  Value append(Op op, Type type, std::span<const Value> operands, uint64_t imm);
   void openScope();
   void closeScope();
 };

@@ -20,7 +20,9 @@
 // which are active).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <span>
 #include <string>
 #include <string_view>
@@ -66,7 +68,14 @@ struct OpInfo {
   OperandRule operands;
   uint8_t flags;
 };
-const OpInfo& opInfo(Op op);
+inline constexpr OpInfo kOps[] = {
+    {"nop", 0, ResultRule::None, OperandRule::Free, 0},
+#define PUMICE_OP(name, text, count, result, operands, flags) {text, count, ResultRule::result, OperandRule::operands, flags},
+#include "spirv_interp/ir/ops.inc"
+#undef PUMICE_OP
+};
+static_assert(std::size(kOps) == size_t(Op::kCount));
+constexpr const OpInfo& opInfo(Op op) { return kOps[size_t(op)]; }
 
 using Value = uint32_t;  //!< id of an instruction; 0 = none
 

@@ -29,29 +29,37 @@ Value lowerOne(Builder& b, Op op, Type type, std::span<const Value> v, bool unif
   return r ? convert(type, r) : 0;
 }
 
+bool isHighMath(const Inst& i) {
+  const OpInfo& info = opInfo(i.op);
+  return (info.flags & kHigh) && info.operands == OperandRule::Float;
+}
+
 }  // namespace
 
 void lowerMath(Function& f, Numerics numerics) {
   computeRates(f);
+  if (std::ranges::none_of(f.insts, isHighMath)) return;
   Function out = withoutInstructions(f);
   Builder b(out);
   AngleCache cache;
   std::vector<Value> map(f.insts.size()), operands;
   for (Value v = 1; v < f.insts.size(); ++v) {
     const Inst& i = f.insts[v];
-    const OpInfo& info = opInfo(i.op);
+    const uint8_t flags = opInfo(i.op).flags;
     operands.clear();
     for (Value o : f.operands(i)) operands.push_back(map[o]);
-    if (info.flags & kControl) cache = {};
+    if (flags & kControl) cache = {};
     b.setLine(i.line);
     b.setInstFlags(i.flags);
-    if ((info.flags & kHigh) && info.operands == OperandRule::Float) {
+    if (isHighMath(i)) {
       b.setInstFlags(0);
       const bool uniform = i.rate <= Rate::Draw;
       map[v] = lowerOne(b, i.op, i.type, operands, uniform, numerics, cache);
       if (map[v]) continue;
     }
-    map[v] = b.emit(i.op, i.type, operands, i.imm);
+    // What others wrote was tidied up before.
+    const bool plain = (flags & kPure) && i.op != Op::Const;
+    map[v] = plain ? b.append(i.op, i.type, operands, i.imm) : b.emit(i.op, i.type, operands, i.imm);
   }
   f = std::move(out);
   computeRates(f);
