@@ -2,6 +2,7 @@
 // weight (uses per length), or lives in the frame, where most instructions can read it in place.
 #include <algorithm>
 #include <bit>
+#include <cstring>
 #include <utility>
 
 #include "spirv_interp/jit/plan.h"
@@ -19,12 +20,12 @@ class Allocator {
     const size_t n = p_.f->insts.size() + 1;
     starts_.assign(n, kNone);
     ends_.assign(n, kNone);
-    nextStart_.assign(p_.vregs.size(), kNone);
-    nextEnd_.assign(p_.vregs.size(), kNone);
+    nextStart_.resize(p_.vregs.size());
+    nextEnd_.resize(p_.vregs.size());
     for (uint32_t r = uint32_t(p_.vregs.size()); r-- > 0;) {
       Vreg& v = p_.vregs[r];
-      std::fill(std::begin(v.reg), std::end(v.reg), int8_t(-1));
-      std::fill(std::begin(v.slot), std::end(v.slot), kNone);
+      std::memset(v.reg, -1, sizeof v.reg);
+      std::memset(v.slot, -1, sizeof v.slot);
       if (v.unused) continue;
       if (v.uniform) v.weight *= float(p_.unroll);   // each use is a load for each part
       v.weight /= float(v.end - v.start + 1);
@@ -35,10 +36,11 @@ class Allocator {
       for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r]) place(r, at);
       for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r]) release(r);
     }
-    giveSlots();
+    if (inFrame_) giveSlots();
   }
 
  private:
+  static constexpr uint32_t kMaxEnding = 8;
   struct Holder {
     uint32_t vreg = kNone;
     uint32_t part = 0;
@@ -48,23 +50,27 @@ class Allocator {
 
   void place(uint32_t id, uint32_t at) {
     Vreg& v = p_.vregs[id];
-    if (v.ahead) return;
+    if (v.ahead) {
+      inFrame_ = true;
+      return;
+    }
     const uint32_t parts = p_.parts(v);
-    const bool reuse = at && at < p_.f->insts.size() && !crossesParts(*p_.f, at);
+    // An operand that ends here leaves its registers to the result.
+    uint32_t ending[kMaxEnding], endings = 0;
+    if (at && at < p_.f->insts.size() && !crossesParts(*p_.f, at))
+      for (Value o : p_.f->operands(at)) {
+        if (!p_.inRegister(o) || endings == kMaxEnding) continue;
+        const uint32_t from = p_.vregOf[o];
+        const Vreg& operand = p_.vregs[from];
+        if (from == id || operand.end != at || operand.start == at || operand.wide != v.wide || operand.flat != v.flat) continue;
+        ending[endings++] = from;
+      }
     for (uint32_t part = 0; part < parts; part++) {
       int reg = -1;
-      if (reuse)
-        for (Value o : p_.f->operands(at)) {
-          if (!p_.inRegister(o)) continue;
-          const uint32_t from = p_.vregOf[o];
-          const Vreg& operand = p_.vregs[from];
-          if (from == id || operand.end != at || operand.start == at || operand.wide != v.wide || operand.flat != v.flat) continue;
-          const int r = operand.reg[part];
-          if (r >= 0 && held_[r].vreg == from && held_[r].part == part) {
-            reg = r;
-            break;
-          }
-        }
+      for (uint32_t k = 0; k < endings && reg < 0; k++) {
+        const int r = p_.vregs[ending[k]].reg[part];
+        if (r >= 0 && held_[r].vreg == ending[k] && held_[r].part == part) reg = r;
+      }
       if (reg < 0 && free_) reg = p_.upperFirst ? 31 - std::countl_zero(free_) : std::countr_zero(free_);
       if (reg < 0) {
         int lightest = -1;
@@ -77,18 +83,21 @@ class Allocator {
             lightest = int(r);
           }
         }
+        inFrame_ |= !v.uniform;
         if (lightest < 0) continue;
+        inFrame_ = true;
         p_.vregs[held_[lightest].vreg].reg[held_[lightest].part] = -1;
         reg = lightest;
       }
       free_ &= ~(1u << reg);
+      p_.used |= 1u << reg;
       held_[reg] = {id, part, v.start, v.weight};
       v.reg[part] = int8_t(reg);
     }
   }
   void release(uint32_t id) {
     const Vreg& v = p_.vregs[id];
-    for (uint32_t part = 0; part < p_.parts(v); part++) {
+    for (uint32_t part = 0, parts = p_.parts(v); part < parts; part++) {
       const int r = v.reg[part];
       if (r >= 0 && held_[r].vreg == id && held_[r].part == part) free_ |= 1u << r;
     }
@@ -98,17 +107,21 @@ class Allocator {
   void giveSlots() {
     std::vector<uint32_t> unused;
     for (uint32_t at = 0; at < starts_.size(); at++) {
-      for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r])
-        for (uint32_t part = 0; part < p_.parts(p_.vregs[r]); part++) {
-          if (p_.vregs[r].reg[part] >= 0) p_.used |= 1u << p_.vregs[r].reg[part];
-          if (p_.vregs[r].reg[part] >= 0 || p_.vregs[r].uniform) continue;
+      for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r]) {
+        Vreg& v = p_.vregs[r];
+        if (v.uniform) continue;
+        for (uint32_t part = 0, parts = p_.parts(v); part < parts; part++) {
+          if (v.reg[part] >= 0) continue;
           if (unused.empty()) unused.push_back(p_.frameSlots++);
-          p_.vregs[r].slot[part] = unused.back();
+          v.slot[part] = unused.back();
           unused.pop_back();
         }
-      for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r])
-        for (uint32_t part = 0; part < p_.parts(p_.vregs[r]); part++)
-          if (p_.vregs[r].slot[part] != kNone) unused.push_back(p_.vregs[r].slot[part]);
+      }
+      for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r]) {
+        const Vreg& v = p_.vregs[r];
+        for (uint32_t part = 0, parts = p_.parts(v); part < parts; part++)
+          if (v.slot[part] != kNone) unused.push_back(v.slot[part]);
+      }
     }
   }
 
@@ -116,6 +129,7 @@ class Allocator {
   std::vector<uint32_t> starts_, ends_, nextStart_, nextEnd_;
   Holder held_[kMaxRegisters];
   uint32_t free_;
+  bool inFrame_ = false;   //!< some part has no register
 };
 
 }  // namespace

@@ -79,8 +79,8 @@ bool Emitter::alu(Value v) {
       for (uint32_t part = 0; part < partsOf(i.type); part++) {
         const Ymm d = target(v, part);
         if (o.size() == 2) bin(s.id, d, source(o[0], part), source(o[1], part), s.commutes);
-        else if (s.imm != ~0u) a_.emit(s.id, d, source(o[0], part).op(), asmjit::imm(s.imm));
-        else a_.emit(s.id, d, source(o[0], part).op());
+        else if (s.imm != ~0u) a_.emit(s.id, d, source(o[0], part), asmjit::imm(s.imm));
+        else a_.emit(s.id, d, source(o[0], part));
         finish(v, part, d);
       }
       return true;
@@ -230,29 +230,29 @@ void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool
                                             {{PUMICE_FMA(fmadd, pd), PUMICE_FMA(fmsub, pd)}, {PUMICE_FMA(fnmadd, pd), PUMICE_FMA(fnmsub, pd)}}};
 #undef PUMICE_FMA
   const Forms& f = kForms[wide][negative][subtract];
-  const auto is = [&](const Source& s) { return s.isReg && s.reg.id() == d.id(); };
+  const auto is = [&](const Source& s) { return s.is(d); };
   const auto inReg = [&](const Source& s, Ymm scratch) {
-    if (s.isReg) return s.reg;
-    a_.vmovaps(scratch, s.mem);
+    if (s.isReg) return s.reg();
+    a_.move(scratch, s);
     return scratch;
   };
   // 213: d = d * 2nd + 3rd, 132: d = d * 3rd + 2nd, 231: d = d + 2nd * 3rd; the 3rd may be in memory.
   if (is(a) || is(b)) {
     const Source& other = is(a) ? b : a;
-    if (other.isReg) a_.emit(f.f213, d, other.reg, c.op());
-    else a_.emit(f.f132, d, inReg(c, t0()), other.op());
+    if (other.isReg) a_.emit(f.f213, d, other.reg(), c);
+    else a_.emit(f.f132, d, inReg(c, t0()), other);
   } else if (is(c)) {
-    if (a.isReg) a_.emit(f.f231, d, a.reg, b.op());
-    else if (b.isReg) a_.emit(f.f231, d, b.reg, a.op());
-    else a_.emit(f.f231, d, inReg(a, t0()), b.op());
+    if (a.isReg) a_.emit(f.f231, d, a.reg(), b);
+    else if (b.isReg) a_.emit(f.f231, d, b.reg(), a);
+    else a_.emit(f.f231, d, inReg(a, t0()), b);
   } else if (a.isReg || b.isReg) {
     move(d, c);
-    if (a.isReg) a_.emit(f.f231, d, a.reg, b.op());
-    else a_.emit(f.f231, d, b.reg, a.op());
+    if (a.isReg) a_.emit(f.f231, d, a.reg(), b);
+    else a_.emit(f.f231, d, b.reg(), a);
   } else {
     move(d, a);
-    if (c.isReg) a_.emit(f.f132, d, c.reg, b.op());
-    else a_.emit(f.f213, d, inReg(b, t0()), c.op());
+    if (c.isReg) a_.emit(f.f132, d, c.reg(), b);
+    else a_.emit(f.f213, d, inReg(b, t0()), c);
   }
 }
 
@@ -350,10 +350,10 @@ void Emitter::select(Value v) {
     const Ymm m = wide ? wideMask(o[0], part, t1()) : load(o[0], part, t1());
     const Ymm d = target(v, part);
     if (!no.isReg) {
-      a_.vmovaps(t2(), no.mem);
+      a_.move(t2(), no);
       no = reg(t2());
     }
-    a_.emit(I::kIdVblendvps, d, no.reg, yes.op(), m);
+    a_.emit(I::kIdVblendvps, d, no.reg(), yes, m);
     finish(v, part, d);
   }
 }
@@ -378,7 +378,7 @@ void Emitter::shift(Value v) {
         const uint32_t count = uint32_t(f_.insts[o[1]].imm) & 63;
         a_.vpsrlq(t2(), load(o[0], part, t2()), count);
         a_.vpxor(t0(), t0(), t0());
-        a_.emit(I::kIdVpcmpgtq, t0(), t0(), x.op());
+        a_.emit(I::kIdVpcmpgtq, t0(), t0(), x);
         a_.vpsllq(t0(), t0(), 64 - count);
       } else {
         a_.vpand(t1(), load(o[1], part, t1()), pool64(63));
@@ -386,7 +386,7 @@ void Emitter::shift(Value v) {
         a_.vmovaps(t0(), pool64(64));
         a_.vpsubq(t1(), t0(), t1());
         a_.vpxor(t0(), t0(), t0());
-        a_.emit(I::kIdVpcmpgtq, t0(), t0(), x.op());
+        a_.emit(I::kIdVpcmpgtq, t0(), t0(), x);
         a_.vpsllvq(t0(), t0(), t1());
       }
       a_.vpor(d, t0(), t2());
@@ -419,15 +419,15 @@ void Emitter::divide(Value v) {
     const auto widen = [&](Ymm to, const Source& s, bool upper) {
       const InstId id = isSigned ? I::kIdVcvtdq2pd : I::kIdVpmovzxdq;
       if (!s.isReg) {
-        x86::Mem m = s.mem;
+        x86::Mem m = s.mem();
         m.addOffset(upper ? 16 : 0);
         m.setSize(16);
         a_.emit(id, to, m);
       } else if (upper) {
-        a_.vextracti128(to.xmm(), s.reg, 1);
+        a_.vextracti128(to.xmm(), s.reg(), 1);
         a_.emit(id, to, to.xmm());
       } else {
-        a_.emit(id, to, s.reg.xmm());
+        a_.emit(id, to, s.reg().xmm());
       }
       if (isSigned) return;
       a_.vpor(to, to, magic);

@@ -24,7 +24,7 @@ bool Emitter::atomic(Value v) {
     a_.vmovaps(frameMem(frameRow(5), part), t2());
     a_.vpminud(t1(), off, limit);
     a_.vpcmpeqd(t1(), t1(), off);
-    a_.emit(x86::Inst::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+    a_.emit(x86::Inst::kIdVpand, t1(), t1(), vregSource(mask, part));
     const x86::Gp bits = part ? x86::r11d : x86::ecx;
     a_.vmovmskps(bits, t1());
     if (part) {

@@ -81,13 +81,14 @@ void Emitter::control(Value v) {
       labels_[id].end = a_.newLabel();
       if (r.uniform) {
         if (r.own) copyMask(r.mask, outer);
-        Source bits = source(condition, 0);
+        const Source bits = source(condition, 0);
         if (bits.isReg) {
-          a_.vmovd(x86::eax, bits.reg.xmm());
+          a_.vmovd(x86::eax, bits.reg().xmm());
           a_.test(x86::eax, x86::eax);
         } else {
-          bits.mem.setSize(4);
-          a_.cmp(bits.mem, 0);
+          x86::Mem m = bits.mem();
+          m.setSize(4);
+          a_.cmp(m, 0);
         }
         const Value next = v + 1;
         if (next < f_.insts.size() && f_.insts[next].op == Op::Break && p_.flat[next] && f_.insts[r.end].op == Op::EndIf) {
@@ -227,7 +228,7 @@ void Emitter::varSet(Value v) {
     const Ymm d = vregTarget(id, part);
     if (!p_.masked[v]) {
       if (s.isReg) {
-        vregFinish(id, part, s.reg);
+        vregFinish(id, part, s.reg());
         continue;
       }
       move(d, s);

@@ -40,13 +40,13 @@ bool Emitter::convert(Value v) {
   const auto half = [&](uint32_t part) {   // the xmm of four 32-bit elements for the 64-bit part, in t0
     const Source s = source(o, part / 2);
     if (!s.isReg) {
-      x86::Mem m = s.mem;
+      x86::Mem m = s.mem();
       m.addOffset(part & 1 ? 16 : 0);
       a_.vmovups(t0().xmm(), m);
       return t0().xmm();
     }
-    if (!(part & 1)) return s.reg.xmm();
-    a_.vextracti128(t0().xmm(), s.reg, 1);
+    if (!(part & 1)) return s.reg().xmm();
+    a_.vextracti128(t0().xmm(), s.reg(), 1);
     return t0().xmm();
   };
   const auto each = [&](auto f) {
@@ -101,7 +101,7 @@ bool Emitter::convert(Value v) {
         const Ymm a = load(x, low, t0());
         const bool inOrder = !preamble_ && p_.crossed[x];
         const Ymm words = inOrder && keep == ~0u ? d : t0();
-        a_.emit(I::kIdVshufps, words, a, source(x, high).op(), asmjit::imm(upper ? 0xdd : 0x88));
+        a_.emit(I::kIdVshufps, words, a, source(x, high), asmjit::imm(upper ? 0xdd : 0x88));
         if (!inOrder) a_.vpermq(t0(), t0(), 0xd8);
         else if (keep == ~0u) return;
         if (keep != ~0u) a_.vpand(d, t0(), pool32(keep));
@@ -185,15 +185,15 @@ bool Emitter::convert(Value v) {
       });
     case Op::SToF:
       if (from != Type::I32) return false;
-      if (to == Type::F32) return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtdq2ps, d, source(o, part).op()); });
+      if (to == Type::F32) return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtdq2ps, d, source(o, part)); });
       if (to == Type::F64) return each([&](Ymm d, uint32_t part) { a_.vcvtdq2pd(d, half(part)); });
       return false;
     case Op::UToF:
       if (to != Type::F32) return false;
       if (from == Type::I8 || from == Type::I16 || (from == Type::I32 && isNonNegative(f_, o)))
-        return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtdq2ps, d, source(o, part).op()); });
+        return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtdq2ps, d, source(o, part)); });
       if (from != Type::I32) return false;
-      if (a_.evex()) return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtudq2ps, d, source(o, part).op()); });
+      if (a_.evex()) return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvtudq2ps, d, source(o, part)); });
       return each([&](Ymm d, uint32_t part) {
         // Both halves are exact, so only the sum rounds.
         const Ymm x = load(o, part, t0());

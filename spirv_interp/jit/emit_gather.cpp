@@ -25,15 +25,15 @@ void Emitter::loadAddresses(Value v) {
     } else {
       const Source s = source(offset, k / 2);
       if (!s.isReg) {
-        x86::Mem m = s.mem;
+        x86::Mem m = s.mem();
         m.addOffset(k & 1 ? 16 : 0);
         m.setSize(16);
         a_.vpmovzxdq(t0(), m);
       } else if (k & 1) {
-        a_.vextracti128(t0().xmm(), s.reg, 1);
+        a_.vextracti128(t0().xmm(), s.reg(), 1);
         a_.vpmovzxdq(t0(), t0().xmm());
       } else {
-        a_.vpmovzxdq(t0(), s.reg.xmm());
+        a_.vpmovzxdq(t0(), s.reg().xmm());
       }
     }
     a_.vpaddq(t0(), t0(), last);
@@ -51,9 +51,9 @@ void Emitter::loadAddresses(Value v) {
     wideMaskOf(vregSource(mask, k / 2), k, t2());
     a_.vpand(t1(), t1(), t2());
     a_.vpxor(t2(), t2(), t2());
-    a_.emit(I::kIdVpcmpeqq, t2(), t2(), source(base, k).op());
+    a_.emit(I::kIdVpcmpeqq, t2(), t2(), source(base, k));
     a_.vpandn(t1(), t2(), t1());
-    a_.emit(I::kIdVpaddq, t0(), t0(), source(base, k).op());
+    a_.emit(I::kIdVpaddq, t0(), t0(), source(base, k));
     a_.xor_(x86::eax, x86::eax);
     const x86::Mem elements = x86::ptr(x86::rax, t0(), 0, back);
     if (bytes == 8) {

@@ -40,7 +40,7 @@ bool Emitter::lanes(Value v) {
       return true;
     case Op::QuadSwizzle:
       return each([&](Ymm d, uint32_t part) {
-        a_.emit(wide ? I::kIdVpermq : I::kIdVpermilps, d, source(o[0], part).op(), asmjit::imm(uint32_t(i.imm & 0xff)));
+        a_.emit(wide ? I::kIdVpermq : I::kIdVpermilps, d, source(o[0], part), asmjit::imm(uint32_t(i.imm & 0xff)));
       });
     case Op::SubgroupAny:
     case Op::SubgroupAll:
@@ -62,7 +62,7 @@ bool Emitter::lanes(Value v) {
       a_.mov(x86::eax, x86::dword_ptr(call_, offsetof(ChunkCall, active)));
       for (uint32_t part = 0; part < partsOf(i.type); part++) {
         maskFromBits(t1(), x86::eax, part);
-        a_.emit(I::kIdVandps, t1(), t1(), source(o[0], part).op());
+        a_.emit(I::kIdVandps, t1(), t1(), source(o[0], part));
         a_.vmovaps(frameMem(frameRow(0), part), t1());
       }
       if (isUniform(o[1])) {
@@ -98,7 +98,7 @@ bool Emitter::reduce(Value v) {
   for (uint32_t part = 0; part < 4; part++) {
     const Ymm m = vregLoad(mask, part, t1());
     a_.vmovaps(t0(), identity);
-    a_.emit(I::kIdVblendvps, t0(), t0(), source(o, part).op(), m);
+    a_.emit(I::kIdVblendvps, t0(), t0(), source(o, part), m);
     for (uint32_t step = 0; step < std::min(steps, 3u); step++) {
       if (step < 2) a_.vpermilps(t1(), t0(), step ? 0x4e : 0xb1);
       else a_.vperm2f128(t1(), t0(), t0(), 1);
@@ -295,8 +295,8 @@ void Emitter::derivative(Value v) {
     const Source s = source(o, part);
     const Ymm d = target(v, part);
     const InstId id = wide ? I::kIdVpermpd : I::kIdVpermilps;
-    a_.emit(id, t0(), s.op(), asmjit::imm(to));
-    a_.emit(id, t1(), s.op(), asmjit::imm(from));
+    a_.emit(id, t0(), s, asmjit::imm(to));
+    a_.emit(id, t1(), s, asmjit::imm(from));
     a_.emit(wide ? I::kIdVsubpd : I::kIdVsubps, d, t0(), t1());
     finish(v, part, d);
   }

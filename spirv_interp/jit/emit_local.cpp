@@ -86,7 +86,7 @@ void Emitter::localMemory(Value v) {
       a_.vmovaps(frameMem(frameRow(0)), off);
       a_.vpminud(t1(), off, limit);
       a_.vpcmpeqd(t1(), t1(), off);
-      a_.emit(I::kIdVpand, t1(), t1(), vregSource(uint32_t(mask), part).op());
+      a_.emit(I::kIdVpand, t1(), t1(), vregSource(uint32_t(mask), part));
       a_.vmovmskps(x86::ecx, t1());
       a_.vmovaps(frameMem(frameRow(1)), loadSettled(o[2], part, t2()));
       a_.test(x86::ecx, x86::ecx);

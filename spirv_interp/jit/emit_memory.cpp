@@ -256,7 +256,7 @@ void Emitter::loadPair(Value v, const x86::Gp& base, const x86::Mem& limit) {
     a_.cmp(last, -16);   // no sum within bounds wraps
     a_.ja(general);
     a_.vpaddd(t1(), from, pool32(wide ? 8 : 4));
-    a_.emit(I::kIdVpxor, t2(), t1(), source(high, part).op());
+    a_.emit(I::kIdVpxor, t2(), t1(), source(high, part));
     a_.vpmaxud(t1(), t1(), from);
     a_.vpmaxud(t1(), t1(), limit);
     a_.vpxor(t1(), t1(), limit);
@@ -490,7 +490,7 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
       a_.vpbroadcastd(t1(), off.xmm());
       a_.vpsubd(t1(), off, t1());
       a_.vpcmpeqd(t1(), t1(), poolVector(kIota4));
-      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part));
       a_.vmovmskps(x86::ecx, t1());
       a_.vmovd(x86::eax, off.xmm());
       a_.vmovaps(frameMem(frameRow(0), part), off);
@@ -506,7 +506,7 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
       a_.vmovaps(t0(), frameMem(frameRow(0), part));
       a_.vpminud(t1(), t0(), limit);
       a_.vpcmpeqd(t1(), t1(), t0());
-      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part));
       a_.vmovmskps(x86::ecx, t1());
       a_.vmovaps(frameMem(frameRow(1), part), s);
       a_.test(x86::ecx, x86::ecx);
@@ -527,7 +527,7 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
     a_.vmovaps(frameMem(frameRow(0), part), off);
     a_.vpminud(t1(), off, limit);
     a_.vpcmpeqd(t1(), t1(), off);
-    a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part).op());
+    a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part));
     const x86::Gp bits = part ? x86::r11d : x86::ecx;
     a_.vmovmskps(bits, t1());
     if (part) {
@@ -557,6 +557,7 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
 
 //! Work-group memory as ranges, made in the frame when a chunk starts: its size is not known before.
 void Emitter::findSharedRanges() {
+  if (!p_.has(Op::SharedLoad) && !p_.has(Op::SharedStore) && !p_.has(Op::SharedAtomic)) return;
   for (Value v = 1; v < f_.insts.size(); v++) {
     const Inst& i = f_.insts[v];
     if (!p_.a.needed[v] || (i.op != Op::SharedLoad && i.op != Op::SharedStore && i.op != Op::SharedAtomic)) continue;

@@ -107,8 +107,8 @@ void Emitter::wholeTileStore(Value v) {
   for (uint32_t part = 0; part < partsOf(type); part++) {
     const Source from = settled(value, part, t2());
     Ymm s = t2();
-    if (from.isReg) s = from.reg;
-    else a_.vmovaps(s, from.mem);
+    if (from.isReg) s = from.reg();
+    else a_.move(s, from);
     const uint32_t lane = part * lanes;
     if (t.element == bytes && bytes >= 4) {
       a_.vmovups(address.at(lane), s);

@@ -33,7 +33,7 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
   out.chunkLanes = p_.unroll * kVectorLanes;
   out.suspends = p_.suspends;
   out.wholeBlocks = p_.wholeBlocks;
-  for (Value v = 1; v < f_.insts.size(); v++)
+  for (Value v = 1; v < f_.insts.size() && p_.has(Op::LocalAlloc); v++)
     if (f_.insts[v].op == Op::LocalAlloc && p_.a.needed[v]) {
       localArea_.resize(f_.insts.size(), 0);
       localArea_[v] = out.localBytes;
@@ -110,48 +110,27 @@ x86::Mem Emitter::scalar(Value v) {
   return bankMem(bankSlot(v));
 }
 
-Source Emitter::vregSource(uint32_t id, uint32_t part) {
-  const Vreg& r = p_.vregs[id];
-  if (r.flat) part = 0;
-  if (r.reg[part] >= 0) return reg(x86::ymm(uint32_t(r.reg[part])));
-  return mem(slotMem(r.slot[part]));
-}
 Ymm Emitter::vregLoad(uint32_t id, uint32_t part, Ymm scratch) {
   const Source s = vregSource(id, part);
-  if (s.isReg) return s.reg;
-  a_.vmovaps(scratch, s.mem);
+  if (s.isReg) return s.reg();
+  a_.move(scratch, s);
   return scratch;
 }
-Ymm Emitter::vregTarget(uint32_t id, uint32_t part) {
-  const Vreg& r = p_.vregs[id];
-  return r.reg[part] >= 0 ? x86::ymm(uint32_t(r.reg[part])) : t2();
+Source Emitter::uniformSource(Value v) {
+  if (hot_[v] >= 0 && !preamble_) return {true, uint8_t(hot_[v]), 0};
+  return mem(scalar(v));
 }
-void Emitter::vregFinish(uint32_t id, uint32_t part, Ymm from) {
-  const Vreg& r = p_.vregs[id];
-  if (r.reg[part] < 0) a_.vmovaps(slotMem(r.slot[part]), from);
-  else move(x86::ymm(uint32_t(r.reg[part])), reg(from));
-}
-
-Source Emitter::source(Value v, uint32_t part) {
-  if (isUniform(v)) {
-    if (hot_[v] >= 0 && !preamble_) return reg(x86::ymm(uint32_t(hot_[v])));
-    return mem(scalar(v));
-  }
-  if (p_.vregOf[v] == kNone) {
-    fail(v, "has no place");
-    return reg(t0());
-  }
-  return vregSource(p_.vregOf[v], part);
+Source Emitter::placeless(Value v) {
+  fail(v, "has no place");
+  return reg(t0());
 }
 Ymm Emitter::load(Value v, uint32_t part, Ymm scratch) {
   const Source s = source(v, part);
-  if (s.isReg) return s.reg;
-  a_.vmovaps(scratch, s.mem);
+  if (s.isReg) return s.reg();
+  a_.move(scratch, s);
   return scratch;
 }
-Ymm Emitter::target(Value v, uint32_t part) { return preamble_ ? t2() : vregTarget(p_.vregOf[v], part); }
-void Emitter::finish(Value v, uint32_t part, Ymm from) {
-  if (!preamble_) return vregFinish(p_.vregOf[v], part, from);
+void Emitter::finishUniform(Value v, Ymm from) {
   if (ir::isFloat(f_.type(v)) && p_.a.nan[v] == interp::NanBits::Arithmetic) canonical(f_.type(v), from, from);
   a_.vmovaps(bankMem(bankSlot(v)), from);
 }
@@ -185,49 +164,44 @@ Ymm Emitter::loadSettled(Value v, uint32_t part, Ymm scratch) {
   return scratch;
 }
 
-void Emitter::move(Ymm to, const Source& from) {
-  if (from.isReg && from.reg.id() == to.id()) return;
-  a_.emit(x86::Inst::kIdVmovaps, to, from.op());
-}
-
 // --- helpers
 
 void Emitter::bin(InstId id, Ymm d, const Source& a, const Source& b, bool commutes) {
-  if (a.isReg) a_.emit(id, d, a.reg, b.op());
-  else if (commutes && b.isReg) a_.emit(id, d, b.reg, a.op());
+  if (a.isReg) a_.emit(id, d, a.reg(), b);
+  else if (commutes && b.isReg) a_.emit(id, d, b.reg(), a);
   else {
-    const Ymm s = b.isReg && b.reg.id() == d.id() ? t0() : d;   // t0 is free when an operand stands in the result
-    a_.vmovaps(s, a.mem);
-    a_.emit(id, d, s, b.op());
+    const Ymm s = b.is(d) ? t0() : d;   // t0 is free when an operand stands in the result
+    a_.move(s, a);
+    a_.emit(id, d, s, b);
   }
 }
 void Emitter::cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t predicate) {
-  Ymm first = a.reg;
+  Ymm first = a.reg();
   if (!a.isReg) {
-    first = b.isReg && b.reg.id() == d.id() ? t0() : d;
-    a_.vmovaps(first, a.mem);
+    first = b.is(d) ? t0() : d;
+    a_.move(first, a);
   }
-  a_.emit(id, d, first, b.op(), asmjit::imm(predicate));
+  a_.emit(id, d, first, b, asmjit::imm(predicate));
 }
 void Emitter::blend(Ymm d, const Source& no, const Source& yes, Ymm mask) {
-  Ymm first = no.reg;
+  Ymm first = no.reg();
   if (!no.isReg) {
-    first = (yes.isReg && yes.reg.id() == d.id()) || mask.id() == d.id() ? t0() : d;
-    a_.vmovaps(first, no.mem);
+    first = yes.is(d) || mask.id() == d.id() ? t0() : d;
+    a_.move(first, no);
   }
-  a_.emit(x86::Inst::kIdVblendvps, d, first, yes.op(), mask);
+  a_.emit(x86::Inst::kIdVblendvps, d, first, yes, mask);
 }
 
 Ymm Emitter::wideMaskOf(const Source& narrow, uint32_t part, Ymm scratch) {
   if (narrow.isReg) {
     if (part & 1) {
-      a_.vextracti128(scratch.xmm(), narrow.reg, 1);
+      a_.vextracti128(scratch.xmm(), narrow.reg(), 1);
       a_.vpmovsxdq(scratch, scratch.xmm());
     } else {
-      a_.vpmovsxdq(scratch, narrow.reg.xmm());
+      a_.vpmovsxdq(scratch, narrow.reg().xmm());
     }
   } else {
-    x86::Mem m = narrow.mem;
+    x86::Mem m = narrow.mem();
     m.addOffset(part & 1 ? 16 : 0);
     a_.vpmovsxdq(scratch, m);
   }
@@ -385,14 +359,14 @@ void Emitter::makePreamble() {
   a_.mov(call_, x86::rdx);
   a_.mov(pool_, x86::rcx);
   a_.xor_(x86::ebp, x86::ebp);
-  std::vector<uint8_t> wanted(f_.insts.size(), 0);
-  for (Value v = Value(f_.insts.size()); v-- > 1;) {
-    if (isConst(v)) continue;
+  const Value end = bankSlots_ ? Value(f_.insts.size()) : 0;   // 0: nothing is uniform but constants
+  std::vector<uint8_t> wanted(end, 0);
+  for (Value v = end; v-- > 1;) {
     wanted[v] |= bankSlot_[v] != 0;
-    if (wanted[v])
+    if (wanted[v] && !isConst(v))
       for (Value o : f_.operands(v)) wanted[o] = 1;
   }
-  for (Value v = 1; v < f_.insts.size() && error_.empty(); v++)
+  for (Value v = 1; v < end && error_.empty(); v++)
     if (wanted[v] && !isConst(v)) {
       out_->preambleOperations++;
       operation(v);

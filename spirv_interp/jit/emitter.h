@@ -24,14 +24,6 @@ using InstId = asmjit::InstId;
 using x86::Ymm;
 using ir::Function, ir::Inst, ir::Op, ir::Type, ir::Value;
 
-//! A vector operand, in a register or in memory.
-struct Source {
-  bool isReg = false;
-  Ymm reg;
-  x86::Mem mem;
-  const asmjit::Operand_& op() const { return isReg ? static_cast<const asmjit::Operand_&>(reg) : mem; }
-};
-
 struct Emitted {
   std::vector<std::byte> pool;
   std::vector<std::unique_ptr<CallOut>> callOuts;
@@ -55,21 +47,41 @@ class Emitter {
  private:
   // --- places (emitter.cpp)
   uint32_t partsOf(Type t) const { return single_ ? 1 : ir::typeBytes(t) == 8 ? p_.unroll * 2 : p_.unroll; }
-  Source source(Value v, uint32_t part);
+  Source source(Value v, uint32_t part) {
+    if (isUniform(v)) return uniformSource(v);
+    return p_.vregOf[v] == kNone ? placeless(v) : vregSource(p_.vregOf[v], part);
+  }
+  Source uniformSource(Value v);
+  Source placeless(Value v);   //!< an error
   //! v in a register: its own or `scratch`.
   Ymm load(Value v, uint32_t part, Ymm scratch);
   Source settled(Value v, uint32_t part, Ymm scratch);   //!< NaNs canonical, if somebody may have made others
   Ymm loadSettled(Value v, uint32_t part, Ymm scratch);
   void canonical(Type t, Ymm to, Ymm from);   //!< uses t1; `to` may be `from`
   //! The register to compute part of v in; finish() puts it where it belongs.
-  Ymm target(Value v, uint32_t part);
-  void finish(Value v, uint32_t part, Ymm from);
-  Source vregSource(uint32_t vreg, uint32_t part);
+  Ymm target(Value v, uint32_t part) { return preamble_ ? t2() : vregTarget(p_.vregOf[v], part); }
+  void finish(Value v, uint32_t part, const Ymm& from) { preamble_ ? finishUniform(v, from) : vregFinish(p_.vregOf[v], part, from); }
+  void finishUniform(Value v, Ymm from);
+  Source vregSource(uint32_t vreg, uint32_t part) const {
+    const Vreg& r = p_.vregs[vreg];
+    if (r.flat) part = 0;
+    if (r.reg[part] >= 0) return {true, uint8_t(r.reg[part]), 0};
+    return slotSource(r.slot[part]);
+  }
   Ymm vregLoad(uint32_t vreg, uint32_t part, Ymm scratch);
-  Ymm vregTarget(uint32_t vreg, uint32_t part);
-  void vregFinish(uint32_t vreg, uint32_t part, Ymm from);
-  void move(Ymm to, const Source& from);
-  x86::Mem slotMem(uint32_t slot) const { return x86::ptr(frame_, int32_t(kFrameSlots + slot * kVectorBytes)); }
+  Ymm vregTarget(uint32_t vreg, uint32_t part) const {
+    const int8_t r = p_.vregs[vreg].reg[part];
+    return r >= 0 ? Ymm(uint32_t(r)) : t2();
+  }
+  void vregFinish(uint32_t vreg, uint32_t part, const Ymm& from) {
+    const Vreg& r = p_.vregs[vreg];
+    if (r.reg[part] < 0) a_.store(slotSource(r.slot[part]), from);
+    else if (uint32_t(r.reg[part]) != from.id()) a_.move(Ymm(uint32_t(r.reg[part])), reg(from));
+  }
+  void move(const Ymm& to, const Source& from) {
+    if (!from.is(to)) a_.move(to, from);
+  }
+  Source slotSource(uint32_t slot) const { return {false, uint8_t(x86::Gp::kIdBx), int32_t(kFrameSlots + slot * kVectorBytes)}; }   // rbx: frame_
   x86::Mem frameMem(uint32_t offset, uint32_t part = 0) const { return x86::ptr(frame_, int32_t(offset + part * kVectorBytes)); }
   x86::Mem bankMem(uint32_t slot) const { return x86::ptr(bank_, int32_t(slot * kVectorBytes)); }
   uint32_t bankSlot(Value v);
@@ -90,8 +102,8 @@ class Emitter {
   //! d = a * b + c, product and c negated as said.
   void mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide, bool negative, bool subtract);
   void blend(Ymm d, const Source& no, const Source& yes, Ymm mask);   //!< by 32-bit elements
-  static Source reg(Ymm r) { return {true, r, {}}; }
-  static Source mem(const x86::Mem& m) { return {false, {}, m}; }
+  static Source reg(const Ymm& r) { return {true, uint8_t(r.id()), 0}; }
+  static Source mem(const x86::Mem& m) { return {false, uint8_t(m.baseId()), m.offsetLo32()}; }
   //! The mask v for the 64-bit elements of `part`.
   Ymm wideMask(Value v, uint32_t part, Ymm scratch);
   Ymm wideMaskOf(const Source& narrow, uint32_t part, Ymm scratch);

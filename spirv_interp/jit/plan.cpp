@@ -1,12 +1,9 @@
-#include "spirv_interp/jit/plan.h"
-#include "spirv_interp/ir/one_record.h"
-
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
-#include "spirv_interp/ir/fold.h"
+#include "spirv_interp/ir/one_record.h"
 #include "spirv_interp/ir/waits.h"
+#include "spirv_interp/jit/plan_steps.h"
 
 namespace pumice::jit {
 namespace {
@@ -16,19 +13,10 @@ using ir::Function, ir::Inst, ir::Op, ir::Type, ir::Value;
 bool closes(Op op) { return op == Op::Else || op == Op::EndIf || op == Op::EndLoop || op == Op::EndBlock; }
 
 //! Lanes of a subgroup must run together: they look at each other, or may pass data to each other through memory.
-bool needsSubgroups(const Function& f) {
-  for (const Inst& i : f.insts) switch (i.op) {
-      case Op::LaneId:
-      case Op::SubgroupAny:
-      case Op::SubgroupAll:
-      case Op::SubgroupBallot:
-      case Op::SubgroupShuffle:
-      case Op::SubgroupReduce:
-      case Op::SharedStore:
-      case Op::SharedAtomic:
-      case Op::SharedAtomicCas: return true;
-      default: break;
-    }
+bool needsSubgroups(const Plan& p) {
+  for (const Op op : {Op::LaneId, Op::SubgroupAny, Op::SubgroupAll, Op::SubgroupBallot, Op::SubgroupShuffle, Op::SubgroupReduce, Op::SharedStore,
+                      Op::SharedAtomic, Op::SharedAtomicCas})
+    if (p.has(op)) return true;
   return false;
 }
 
@@ -39,26 +27,28 @@ class Planner {
   void run() {
     const size_t n = f_.insts.size();
     p_.f = &f_;
+    for (const Inst& i : f_.insts) {
+      p_.present[size_t(i.op)] = true;
+      p_.mayWait |= ir::looksAtOthers(i);
+    }
+    p_.suspends = p_.mayWait || p_.has(Op::Barrier);
+    p_.wholeBlocks &= !p_.suspends && !p_.has(Op::LocalAlloc);
     p_.a = interp::analyse(f_);
     p_.vregOf.assign(n, kNone);
     p_.regionOf.assign(n, kNone);
     p_.masked.assign(n, 1);
     p_.vregs.reserve(n + 8);
+    lastRead_.reserve(n + 8);
+    shared_.reserve(n + 8);
     home_.assign(n, kNone);
     p_.flat.assign(n, 0);
     findRegions();
     findFlat();
-    settleBounded();
-    findFolded();
-    findPairs();
-    findCrossed();
+    settleBounded(p_);
+    findFolded(p_);
+    findPairs(p_);
+    findCrossed(p_);
     findUses();
-    for (const Inst& i : f_.insts) {
-      p_.mayWait |= ir::looksAtOthers(i);
-      p_.suspends |= i.op == Op::Barrier;
-    }
-    p_.suspends |= p_.mayWait;
-    p_.wholeBlocks &= !p_.suspends && std::none_of(f_.insts.begin(), f_.insts.end(), [](const Inst& i) { return i.op == Op::LocalAlloc; });
     walk();
     if (p_.wholeBlocks) findAhead();
     std::stable_sort(p_.hot.begin(), p_.hot.end(), [](const Hot& a, const Hot& b) { return a.region < b.region; });
@@ -73,7 +63,8 @@ class Planner {
     uint32_t loop = 0;
     for (Value v = 1; v < f_.insts.size(); v++) {
       const Inst& i = f_.insts[v];
-      loopOf_[v] = loop;   // of a loop's own markers: the loop around it
+      if (loop) loopOf_[v] = loop;   // of a loop's own markers: the loop around it
+      if (!(ir::opInfo(i.op).flags & ir::kControl) && i.op != Op::VarSet) continue;
       if (i.op == Op::Loop) loop = uint32_t(p_.regions.size());
       if (i.op == Op::EndLoop) loop = loopOf_[v] = loopOf_[p_.regions[loop].begin];
       if (closes(i.op)) {
@@ -107,192 +98,9 @@ class Planner {
     then_.resize(p_.regions.size(), kNone);
   }
 
-  //! Values that are finite whatever their operands are (what was clamped, and arithmetic on it) make no NaN.
-  void settleBounded() {
-    struct Bounds {
-      double low = -HUGE_VAL, high = HUGE_VAL;
-      bool number = false;   // no NaN
-      bool finite() const { return number && low > -1e30 && high < 1e30; }
-    };
-    std::vector<Bounds> bounds(f_.insts.size());
-    for (Value v = 1; v < f_.insts.size(); v++) {
-      const Inst& i = f_.insts[v];
-      if (i.type != Type::F32) continue;
-      const auto o = f_.operands(v);
-      Bounds& r = bounds[v];
-      const auto b = [&](size_t k) -> const Bounds& { return bounds[o[k]]; };
-      const auto sum = [](const Bounds& x, const Bounds& y) { return Bounds{x.low + y.low, x.high + y.high, true}; };
-      const auto product = [](const Bounds& x, const Bounds& y) {
-        const double p[] = {x.low * y.low, x.low * y.high, x.high * y.low, x.high * y.high};
-        return Bounds{*std::min_element(p, p + 4), *std::max_element(p, p + 4), true};
-      };
-      switch (i.op) {
-        case Op::Const:
-          if (const double x = ir::floatValue(i.type, i.imm); x == x) r = {x, x, true};
-          break;
-        // A NaN gives the other operand.
-        case Op::FMin:
-        case Op::FMax: {
-          const Bounds &x = b(0), &y = b(1);
-          r.number = x.number || y.number;
-          if (i.op == Op::FMin) {
-            r.high = x.number && y.number ? std::min(x.high, y.high) : x.number ? x.high : y.high;
-            r.low = std::min(x.low, y.low);
-          } else {
-            r.low = x.number && y.number ? std::max(x.low, y.low) : x.number ? x.low : y.low;
-            r.high = std::max(x.high, y.high);
-          }
-          if (!r.number) r = {};
-          break;
-        }
-        case Op::FAdd:
-          if (b(0).finite() && b(1).finite()) r = sum(b(0), b(1));
-          break;
-        case Op::FSub:
-          if (b(0).finite() && b(1).finite()) r = {b(0).low - b(1).high, b(0).high - b(1).low, true};
-          break;
-        case Op::FMul:
-          if (b(0).finite() && b(1).finite()) r = product(b(0), b(1));
-          break;
-        case Op::Fma:
-          if (b(0).finite() && b(1).finite() && b(2).finite()) r = sum(product(b(0), b(1)), b(2));
-          break;
-        case Op::FFloor:
-        case Op::FCeil:
-        case Op::FTrunc:
-        case Op::FRoundEven:
-          if (b(0).finite()) r = {b(0).low - 1, b(0).high + 1, true};
-          break;
-        case Op::FNeg:
-          if (b(0).finite()) r = {-b(0).high, -b(0).low, true};
-          break;
-        default: break;
-      }
-      if (!(r.low > -1e30 && r.high < 1e30)) {
-        // Products of such would leave the range; the number alone is still worth knowing.
-        if (r.number && i.op != Op::FMin && i.op != Op::FMax && i.op != Op::Const) r = {};
-      } else if (i.op != Op::Const && i.op != Op::FMin && i.op != Op::FMax) {
-        // Roundings.
-        r.low -= std::abs(r.low) * 1e-6 + 1e-30;
-        r.high += std::abs(r.high) * 1e-6 + 1e-30;
-      }
-      if (r.number && p_.a.nan[v] == interp::NanBits::Arithmetic) p_.a.nan[v] = interp::NanBits::Settled;
-    }
-  }
-
-  //! Signs that an fma changes at no cost.
-  void findFolded() {
-    p_.folded.assign(f_.insts.size(), 0);
-    std::vector<uint8_t>& folded = p_.folded;
-    for (Value v = 1; v < f_.insts.size(); v++) {
-      const Inst& i = f_.insts[v];
-      if (i.op != Op::FNeg || !p_.a.needed[v] || p_.a.uniform[v] || i.type == Type::F16) continue;
-      const Op of = f_.insts[f_.operands(v)[0]].op;   // what stands for a variable may change before the fma
-      folded[v] = of != Op::VarGet && of != Op::BitCast;
-    }
-    // Upper words, and halves of words that are made floats: shuffles take them from where they are.
-    const auto varies = [&](Value v) { return p_.a.needed[v] && !p_.a.uniform[v] && !p_.flat[v]; };
-    const auto stays = [&](Value v) { return varies(v) && f_.insts[v].op != Op::VarGet && f_.insts[v].op != Op::BitCast; };
-    const auto shiftsBy = [&](Value v, uint64_t bits) {
-      if (f_.insts[v].op != Op::LShr) return false;
-      const Inst& count = f_.insts[f_.operands(v)[1]];
-      return count.op == Op::Const && count.imm == bits && varies(v) && stays(f_.operands(v)[0]);
-    };
-    for (Value v = 1; v < f_.insts.size(); v++) {
-      const Inst& i = f_.insts[v];
-      if (i.op == Op::LShr && i.type == Type::I64) folded[v] = shiftsBy(v, 32);
-      if (i.op != Op::BitCast || i.type != Type::F16 || !varies(v)) continue;
-      const Value trunc = f_.operands(v)[0];
-      if (f_.insts[trunc].op != Op::Trunc || !varies(trunc)) continue;
-      const Value word = f_.operands(trunc)[0];
-      if (f_.type(word) != Type::I32 || !stays(word)) continue;
-      folded[v] = folded[trunc] = 1;
-      folded[word] |= shiftsBy(word, 16);
-    }
-    const auto takes = [&](Value v, Value o) {
-      const Inst& i = f_.insts[v];
-      if (p_.a.uniform[v]) return false;
-      switch (f_.insts[o].op) {
-        case Op::FNeg: return i.op == Op::Fma;
-        case Op::BitCast: return i.op == Op::FToF && i.type == Type::F32;
-        case Op::Trunc: return i.op == Op::BitCast && folded[v] != 0;
-        default: return i.op == Op::Trunc && (f_.type(o) == Type::I64 ? i.type == Type::I32 : folded[v] != 0);
-      }
-    };
-    for (bool again = true; again;) {
-      again = false;
-      for (Value v = 1; v < f_.insts.size(); v++) {
-        if (!p_.a.needed[v]) continue;
-        for (Value o : f_.operands(v))
-          if (folded[o] && !takes(v, o)) folded[o] = 0, again = true;
-      }
-    }
-  }
-
-  //! The column's part of an offset row + (x << shift), 0: it is something else.
-  Value columnOf(Value offset, Value row, uint64_t shift) const {
-    const Inst& i = f_.insts[offset];
-    if (i.op != Op::IAdd || i.type != Type::I32) return 0;
-    const auto o = f_.operands(offset);
-    const Value column = o[0] == row ? o[1] : o[1] == row ? o[0] : 0;
-    if (!column || f_.insts[column].op != Op::Shl) return 0;
-    const Value x = f_.operands(column)[0], count = f_.operands(column)[1];
-    // In blocks the numbers of neighbours differ by more than one: sums there, minima and maxima here.
-    return f_.insts[count].op == Op::Const && f_.insts[count].imm == shift && f_.insts[x].op != Op::IAdd ? column : 0;
-  }
-  //! A load of neighbours in memory, mostly, from a range that is the same for all lanes.
-  bool isScattered(Value v) const {
-    const Inst& i = f_.insts[v];
-    if (i.op != Op::LoadConst || !p_.a.needed[v] || p_.a.uniform[v] || p_.flat[v] || ir::typeBytes(i.type) < 4) return false;
-    const auto o = f_.operands(v);
-    return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && !p_.a.uniform[o[1]] && !p_.flat[o[1]] && f_.insts[o[1]].op == Op::IAdd &&
-           !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
-  }
-  void findPairs() {
-    p_.pairSecond.assign(f_.insts.size(), 0);
-    p_.pairFirst.assign(f_.insts.size(), 0);
-    Value first = 0;
-    for (Value v = 1; v < f_.insts.size(); v++) {
-      const Inst& i = f_.insts[v];
-      if (first)
-        for (Value o : f_.operands(v))
-          if (o == first) first = 0;
-      if ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kControl)) && i.op != Op::Var) first = 0;
-      if (!isScattered(v)) continue;
-      const auto pairs = [&] {
-        const auto a = f_.operands(first), b = f_.operands(v);
-        const Inst& other = f_.insts[first];
-        if (other.type != i.type || other.imm != i.imm || a[0] != b[0] || a[2] != b[2] || a[1] == b[1]) return false;
-        const uint64_t shift = ir::typeBytes(i.type) == 8 ? 3 : 2;
-        for (Value row : f_.operands(a[1]))
-          if (columnOf(a[1], row, shift) && columnOf(b[1], row, shift)) return true;
-        return false;
-      };
-      if (first && pairs()) {
-        p_.pairSecond[first] = v;
-        p_.pairFirst[v] = first;
-        first = 0;
-      } else {
-        first = v;
-      }
-    }
-  }
-
-  void findCrossed() {
-    p_.crossed.assign(f_.insts.size(), 0);
-    for (Value v = 1; v < f_.insts.size(); v++) p_.crossed[v] = f_.type(v) == Type::I64 && isScattered(v) && f_.type(f_.operands(v)[1]) == Type::I32;
-    for (Value v = 1; v < f_.insts.size(); v++) {
-      if (!p_.a.needed[v]) continue;
-      const bool takesWord = !p_.a.uniform[v] && (f_.insts[v].op == Op::Trunc || (f_.insts[v].op == Op::LShr && p_.folded[v]));
-      for (Value o : f_.operands(v))
-        if (!takesWord) p_.crossed[o] = 0;
-    }
-    for (Value v = 1; v < f_.insts.size(); v++)
-      if (const Value second = p_.pairSecond[v]; second && p_.crossed[v] != p_.crossed[second]) p_.crossed[v] = p_.crossed[second] = 0;
-  }
-
   //! Last uses with those that loops repeat, and the next set of each variable.
   void findUses() {
+    if (!p_.has(Op::VarSet)) return;
     lastUse_.assign(f_.insts.size(), 0);
     nextSet_.assign(f_.insts.size(), 0);
     std::vector<Value> set(f_.insts.size(), 0);
@@ -689,7 +497,7 @@ Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks, uint32_t regi
   p.wholeBlocks = wholeBlocks;
   p.registers = registers;
   Planner(f, p).run();
-  if (needsSubgroups(f)) p.unroll = ir::kSubgroupLanes / kVectorLanes;
+  if (needsSubgroups(p)) p.unroll = ir::kSubgroupLanes / kVectorLanes;
   else if (lanes) p.unroll = lanes / kVectorLanes;
   else {
     const uint32_t live = pressure(p);

@@ -2,6 +2,7 @@
 // are called, which variables may be set without a mask.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "spirv_interp/interpreter/analysis.h"
@@ -57,6 +58,7 @@ struct Hot {
 
 struct Plan {
   const ir::Function* f = nullptr;
+  std::array<bool, size_t(ir::Op::kCount)> present{};   //!< by operation: the function has some
   interp::Analysis a;
   uint32_t unroll = 1;           //!< vector registers of a 32-bit value
   std::vector<Vreg> vregs;
@@ -85,6 +87,7 @@ struct Plan {
   uint32_t used = 0;             //!< had by something
   uint32_t frameSlots = 0;       //!< vectors of the frame
 
+  bool has(ir::Op op) const { return present[size_t(op)]; }
   bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
   uint32_t parts(const Vreg& r) const { return r.flat ? 1 : r.wide ? unroll * 2 : unroll; }
 };

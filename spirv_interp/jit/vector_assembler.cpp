@@ -1,10 +1,8 @@
 #include "spirv_interp/jit/vector_assembler.h"
 
-#include <algorithm>
 #include <array>
 
 #include "spirv_interp/jit/plan.h"
-#include "spirv_interp/jit/vex.h"
 
 namespace pumice::jit {
 namespace {
@@ -83,9 +81,7 @@ bool VectorAssembler::direct(InstId id, const Operand_& o0, const Operand_& o1, 
   if (!direct_ || remainingSpace() < kVexBytes) return false;
   uint8_t* const end = writeVex(_bufferPtr, id, o0, o1, o2, o3);
   if (!end) return false;
-  _bufferPtr = end;
-  size_t& size = _section->_buffer._size;
-  size = std::max(size, offset());
+  wrote(end);
   return true;
 }
 

@@ -7,9 +7,26 @@
 
 #include <asmjit/x86.h>
 
+#include <algorithm>
+
+#include "spirv_interp/jit/vex.h"
+
 namespace pumice::jit {
 
+//! A vector operand: a register, or a whole vector in the frame, the bank or the pool.
+struct Source {
+  bool isReg = false;
+  uint8_t id = 0;       //!< of the vector register, or of the general one that `offset` counts from
+  int32_t offset = 0;
+  asmjit::x86::Ymm reg() const { return asmjit::x86::Ymm(id); }
+  asmjit::x86::Mem mem() const { return asmjit::x86::ptr(asmjit::x86::gpq(id), offset); }
+  asmjit::Operand op() const { return isReg ? asmjit::Operand(reg()) : asmjit::Operand(mem()); }
+  bool is(const asmjit::x86::Ymm& r) const { return isReg && id == r.id(); }
+};
+
 class VectorAssembler final : public asmjit::x86::Assembler {
+  using Ymm = asmjit::x86::Ymm;
+
  public:
   VectorAssembler(asmjit::CodeHolder* code, bool evex) : Assembler(code), evex_(evex), direct_(!evex && !code->logger()) {}
   bool evex() const { return evex_; }
@@ -19,14 +36,48 @@ class VectorAssembler final : public asmjit::x86::Assembler {
                      const asmjit::Operand_& o3 = kNone) {
     return direct(id, o0, o1, o2, o3) ? asmjit::kErrorOk : _emitI(id, o0, o1, o2, o3);
   }
+  //! The same for operands whose kinds are known.
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, const Source& m) {
+    return put(VexForm::Rvm, id, d.id(), a.id(), m) ? asmjit::kErrorOk : _emitI(id, d, a, m.op());
+  }
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, const Source& m, const asmjit::Imm& constant) {
+    return put(VexForm::RvmImm, id, d.id(), a.id(), m, constant.valueAs<uint8_t>(), 1) ? asmjit::kErrorOk : _emitI(id, d, a, m.op(), constant);
+  }
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, const Source& m, const Ymm& mask) {
+    return put(VexForm::RvmReg, id, d.id(), a.id(), m, mask.id() << 4, 1) ? asmjit::kErrorOk : _emitI(id, d, a, m.op(), mask);
+  }
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Source& m) {
+    return put(VexForm::Rm, id, d.id(), 0, m) ? asmjit::kErrorOk : _emitI(id, d, m.op());
+  }
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Source& m, const asmjit::Imm& constant) {
+    return put(VexForm::RmImm, id, d.id(), 0, m, constant.valueAs<uint8_t>(), 1) ? asmjit::kErrorOk : _emitI(id, d, m.op(), constant);
+  }
+  asmjit::Error move(const Ymm& to, const Source& from) {
+    return put(VexForm::Move, asmjit::x86::Inst::kIdVmovaps, to.id(), 0, from) ? asmjit::kErrorOk : vmovaps(to, from.op());
+  }
+  //! `to` is in memory.
+  asmjit::Error store(const Source& to, const Ymm& from) {
+    return put(VexForm::Move, asmjit::x86::Inst::kIdVmovaps, from.id(), 0, to, 0, 0, true) ? asmjit::kErrorOk : vmovaps(to.op(), from);
+  }
   asmjit::Error vmovaps(const asmjit::Operand_& to, const asmjit::Operand_& from) { return emit(asmjit::x86::Inst::kIdVmovaps, to, from); }
 
   asmjit::Error _emit(asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2,
                       const asmjit::Operand_* more) override;
 
  private:
-  static constexpr asmjit::Operand kNone{};
   //! AVX2's usual instructions, into the buffer past asmjit (vex.h). Not if somebody wants a listing.
+  bool put(VexForm form, asmjit::InstId id, uint32_t r, uint32_t v, const Source& m, uint32_t tail = 0, uint32_t tailBytes = 0, bool store = false) {
+    const VexRow& row = kVexRows[id];
+    if (!direct_ || row.form != form || remainingSpace() < kVexBytes) return false;
+    wrote(encodeVex(_bufferPtr, row, store ? row.store : row.opcode, r, v, true, !m.isReg, m.id, m.offset, tail, tailBytes));
+    return true;
+  }
+  void wrote(uint8_t* end) {
+    _bufferPtr = end;
+    size_t& size = _section->_buffer._size;
+    size = std::max(size, offset());
+  }
+  static constexpr asmjit::Operand kNone{};
   bool direct(asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2, const asmjit::Operand_& o3);
 
   bool evex_, direct_;

@@ -49,14 +49,52 @@ inline bool isYmm(const asmjit::Operand_& o) { return o.signature().bits() == as
 
 }  // namespace vex
 
-//! Writes an instruction to `at`, where kVexBytes are free; where it ends, or null: it is none of these.
+//! One instruction, written to `at`, where kVexBytes are free; gives its end. `r`: ModRM.reg; `v`: VEX.vvvv; `wide`: 256 bits;
+//! m is a register if `memory` is not set, else `base` + `offset`; behind it `tailBytes` (0, 1) of `tail`.
+inline uint8_t* encodeVex(uint8_t* at, const VexRow& row, uint32_t opcode, uint32_t r, uint32_t v, bool wide, bool memory, uint32_t base,
+                          int32_t offset, uint64_t tail, uint32_t tailBytes) {
+  // What follows the opcode, from its lowest byte on.
+  uint64_t rest = (r & 7) << 3 | (base & 7);
+  uint32_t restBits = 8;
+  if (memory) {
+    if ((base & 7) == 4) {   // rsp and r12 need the byte that could name an index
+      rest |= 0x2400;
+      restBits = 16;
+    }
+    if (offset != int8_t(offset)) {
+      rest |= 0x80 | uint64_t(uint32_t(offset)) << restBits;
+      restBits += 32;
+    } else if (offset || (base & 7) == 5) {
+      rest |= 0x40 | uint64_t(uint8_t(offset)) << restBits;
+      restBits += 8;
+    }
+  } else {
+    rest |= 0xc0;
+  }
+  rest |= tail << restBits;
+  const uint32_t last = (~v & 15) << 3 | uint32_t(wide) << 2 | row.prefix, notR = (~r & 8) << 4;
+  uint32_t head, headBytes;
+  if (row.map == 1 && !row.w && base < 8) {
+    head = 0xc5 | (notR | last) << 8 | opcode << 16;
+    headBytes = 3;
+  } else {
+    head = 0xc4 | (notR | 0x40 | (~base & 8) << 2 | row.map) << 8 | (uint32_t(row.w) << 7 | last) << 16 | opcode << 24;
+    headBytes = 4;
+  }
+  std::memcpy(at, &head, sizeof head);
+  at += headBytes;
+  std::memcpy(at, &rest, sizeof rest);
+  return at + restBits / 8 + tailBytes;
+}
+
+//! The same from asmjit's operands. Null: it is none of these.
 inline uint8_t* writeVex(uint8_t* at, asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2,
                          const asmjit::Operand_& o3) {
   using asmjit::Operand_;
   const VexRow& row = kVexRows[id];
   const Operand_ *reg = &o0, *rm = &o1;
   uint32_t opcode = row.opcode, v = 0;
-  uint64_t tail = 0, tailBits = 0;   // a constant behind all
+  uint32_t tail = 0, tailBytes = 0;   // a constant behind all
   switch (row.form) {
     case VexForm::None: return nullptr;
     case VexForm::Rvm:
@@ -71,7 +109,7 @@ inline uint8_t* writeVex(uint8_t* at, asmjit::InstId id, const asmjit::Operand_&
       }
       if (row.form == VexForm::RvmImm ? !o3.isImm() : !vex::isLowVector(o3)) return nullptr;
       tail = row.form == VexForm::RvmImm ? o3.as<asmjit::Imm>().valueAs<uint8_t>() : o3.id() << 4;
-      tailBits = 8;
+      tailBytes = 1;
       break;
     case VexForm::Move:
       if (o0.isMem()) {
@@ -86,55 +124,26 @@ inline uint8_t* writeVex(uint8_t* at, asmjit::InstId id, const asmjit::Operand_&
     case VexForm::RmImm:
       if (!o2.isImm() || !o3.isNone()) return nullptr;
       tail = o2.as<asmjit::Imm>().valueAs<uint8_t>();
-      tailBits = 8;
+      tailBytes = 1;
       break;
   }
   if (!vex::isLowVector(*reg)) return nullptr;
-  uint32_t r = reg->id(), wide = vex::isYmm(*reg) ? 4 : 0;
+  uint32_t r = reg->id(), base, offset = 0;
+  bool wide = vex::isYmm(*reg);
   if (row.form == VexForm::Shift) {
     v = r;
     r = row.store;
   }
-  // What follows the opcode, from its lowest byte on.
-  uint32_t base;
-  uint64_t rest;
-  uint32_t restBits = 8;
   if (rm->isMem()) {
     if (!vex::isPlain(*rm)) return nullptr;
     base = rm->as<asmjit::x86::Mem>().baseId();
-    rest = (r & 7) << 3 | (base & 7);
-    if ((base & 7) == 4) {   // rsp and r12 need the byte that could name an index
-      rest |= 0x2400;
-      restBits = 16;
-    }
-    const int32_t offset = rm->as<asmjit::x86::Mem>().offsetLo32();
-    if (offset != int8_t(offset)) {
-      rest |= 0x80 | uint64_t(uint32_t(offset)) << restBits;
-      restBits += 32;
-    } else if (offset || (base & 7) == 5) {
-      rest |= 0x40 | uint64_t(uint8_t(offset)) << restBits;
-      restBits += 8;
-    }
+    offset = uint32_t(rm->as<asmjit::x86::Mem>().offsetLo32());
   } else {
     if (!vex::isLowVector(*rm)) return nullptr;
     base = rm->id();
-    rest = 0xc0 | (r & 7) << 3 | (base & 7);
-    if (rm == &o1 && vex::isYmm(*rm)) wide = 4;   // of conversions the larger side counts
+    wide |= rm == &o1 && vex::isYmm(*rm);   // of conversions the larger side counts
   }
-  rest |= tail << restBits;
-  const uint32_t last = (~v & 15) << 3 | wide | row.prefix, notR = (~r & 8) << 4;
-  uint32_t head, headBytes;
-  if (row.map == 1 && !row.w && base < 8) {
-    head = 0xc5 | (notR | last) << 8 | opcode << 16;
-    headBytes = 3;
-  } else {
-    head = 0xc4 | (notR | 0x40 | (~base & 8) << 2 | row.map) << 8 | (uint32_t(row.w) << 7 | last) << 16 | opcode << 24;
-    headBytes = 4;
-  }
-  std::memcpy(at, &head, sizeof head);
-  at += headBytes;
-  std::memcpy(at, &rest, sizeof rest);
-  return at + (restBits + tailBits) / 8;
+  return encodeVex(at, row, opcode, r, v, wide, rm->isMem(), base, int32_t(offset), tail, tailBytes);
 }
 
 }  // namespace pumice::jit

@@ -1,0 +1,211 @@
+// What the emitter sees in values beside their operation: that they cannot be NaN, that a user takes them from where their operand
+// is, that two loads look at neighbours.
+#include <algorithm>
+#include <cmath>
+
+#include "spirv_interp/ir/fold.h"
+#include "spirv_interp/jit/plan_steps.h"
+
+namespace pumice::jit {
+
+using ir::Function, ir::Inst, ir::Op, ir::Type, ir::Value;
+
+namespace {
+
+//! The column's part of an offset row + (x << shift), 0: it is something else.
+Value columnOf(const Function& f, Value offset, Value row, uint64_t shift) {
+  const Inst& i = f.insts[offset];
+  if (i.op != Op::IAdd || i.type != Type::I32) return 0;
+  const auto o = f.operands(offset);
+  const Value column = o[0] == row ? o[1] : o[1] == row ? o[0] : 0;
+  if (!column || f.insts[column].op != Op::Shl) return 0;
+  const Value x = f.operands(column)[0], count = f.operands(column)[1];
+  // In blocks the numbers of neighbours differ by more than one: sums there, minima and maxima here.
+  return f.insts[count].op == Op::Const && f.insts[count].imm == shift && f.insts[x].op != Op::IAdd ? column : 0;
+}
+//! A load of neighbours in memory, mostly, from a range that is the same for all lanes.
+bool isScattered(const Plan& p, Value v) {
+  const Function& f = *p.f;
+  const Inst& i = f.insts[v];
+  if (i.op != Op::LoadConst || !p.a.needed[v] || p.a.uniform[v] || p.flat[v] || ir::typeBytes(i.type) < 4) return false;
+  const auto o = f.operands(v);
+  return p.a.uniform[o[0]] && p.a.uniform[o[2]] && !p.a.uniform[o[1]] && !p.flat[o[1]] && f.insts[o[1]].op == Op::IAdd &&
+         !(f.insts[o[2]].op == Op::Const && f.insts[o[2]].imm >> 62);
+}
+
+}  // namespace
+
+void settleBounded(Plan& p) {
+  const Function& f = *p.f;
+  // All bounds come from these.
+  if (!p.has(Op::FMin) && !p.has(Op::FMax)) return;
+  struct Bounds {
+    double low = -HUGE_VAL, high = HUGE_VAL;
+    bool number = false;   // no NaN
+    bool finite() const { return number && low > -1e30 && high < 1e30; }
+  };
+  std::vector<Bounds> bounds(f.insts.size());
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (i.type != Type::F32) continue;
+    const auto o = f.operands(v);
+    Bounds& r = bounds[v];
+    const auto b = [&](size_t k) -> const Bounds& { return bounds[o[k]]; };
+    const auto sum = [](const Bounds& x, const Bounds& y) { return Bounds{x.low + y.low, x.high + y.high, true}; };
+    const auto product = [](const Bounds& x, const Bounds& y) {
+      const double p[] = {x.low * y.low, x.low * y.high, x.high * y.low, x.high * y.high};
+      return Bounds{*std::min_element(p, p + 4), *std::max_element(p, p + 4), true};
+    };
+    switch (i.op) {
+      case Op::Const:
+        if (const double x = ir::floatValue(i.type, i.imm); x == x) r = {x, x, true};
+        break;
+      // A NaN gives the other operand.
+      case Op::FMin:
+      case Op::FMax: {
+        const Bounds &x = b(0), &y = b(1);
+        r.number = x.number || y.number;
+        if (i.op == Op::FMin) {
+          r.high = x.number && y.number ? std::min(x.high, y.high) : x.number ? x.high : y.high;
+          r.low = std::min(x.low, y.low);
+        } else {
+          r.low = x.number && y.number ? std::max(x.low, y.low) : x.number ? x.low : y.low;
+          r.high = std::max(x.high, y.high);
+        }
+        if (!r.number) r = {};
+        break;
+      }
+      case Op::FAdd:
+        if (b(0).finite() && b(1).finite()) r = sum(b(0), b(1));
+        break;
+      case Op::FSub:
+        if (b(0).finite() && b(1).finite()) r = {b(0).low - b(1).high, b(0).high - b(1).low, true};
+        break;
+      case Op::FMul:
+        if (b(0).finite() && b(1).finite()) r = product(b(0), b(1));
+        break;
+      case Op::Fma:
+        if (b(0).finite() && b(1).finite() && b(2).finite()) r = sum(product(b(0), b(1)), b(2));
+        break;
+      case Op::FFloor:
+      case Op::FCeil:
+      case Op::FTrunc:
+      case Op::FRoundEven:
+        if (b(0).finite()) r = {b(0).low - 1, b(0).high + 1, true};
+        break;
+      case Op::FNeg:
+        if (b(0).finite()) r = {-b(0).high, -b(0).low, true};
+        break;
+      default: break;
+    }
+    if (!(r.low > -1e30 && r.high < 1e30)) {
+      // Products of such would leave the range; the number alone is still worth knowing.
+      if (r.number && i.op != Op::FMin && i.op != Op::FMax && i.op != Op::Const) r = {};
+    } else if (i.op != Op::Const && i.op != Op::FMin && i.op != Op::FMax) {
+      // Roundings.
+      r.low -= std::abs(r.low) * 1e-6 + 1e-30;
+      r.high += std::abs(r.high) * 1e-6 + 1e-30;
+    }
+    if (r.number && p.a.nan[v] == interp::NanBits::Arithmetic) p.a.nan[v] = interp::NanBits::Settled;
+  }
+}
+
+void findFolded(Plan& p) {
+  const Function& f = *p.f;
+  p.folded.assign(f.insts.size(), 0);
+  if (!p.has(Op::FNeg) && !p.has(Op::LShr) && !(p.has(Op::BitCast) && p.has(Op::Trunc))) return;
+  std::vector<uint8_t>& folded = p.folded;
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (i.op != Op::FNeg || !p.a.needed[v] || p.a.uniform[v] || i.type == Type::F16) continue;
+    const Op of = f.insts[f.operands(v)[0]].op;   // what stands for a variable may change before the fma
+    folded[v] = of != Op::VarGet && of != Op::BitCast;
+  }
+  // Upper words, and halves of words that are made floats: shuffles take them from where they are.
+  const auto varies = [&](Value v) { return p.a.needed[v] && !p.a.uniform[v] && !p.flat[v]; };
+  const auto stays = [&](Value v) { return varies(v) && f.insts[v].op != Op::VarGet && f.insts[v].op != Op::BitCast; };
+  const auto shiftsBy = [&](Value v, uint64_t bits) {
+    if (f.insts[v].op != Op::LShr) return false;
+    const Inst& count = f.insts[f.operands(v)[1]];
+    return count.op == Op::Const && count.imm == bits && varies(v) && stays(f.operands(v)[0]);
+  };
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (i.op == Op::LShr && i.type == Type::I64) folded[v] = shiftsBy(v, 32);
+    if (i.op != Op::BitCast || i.type != Type::F16 || !varies(v)) continue;
+    const Value trunc = f.operands(v)[0];
+    if (f.insts[trunc].op != Op::Trunc || !varies(trunc)) continue;
+    const Value word = f.operands(trunc)[0];
+    if (f.type(word) != Type::I32 || !stays(word)) continue;
+    folded[v] = folded[trunc] = 1;
+    folded[word] |= shiftsBy(word, 16);
+  }
+  const auto takes = [&](Value v, Value o) {
+    const Inst& i = f.insts[v];
+    if (p.a.uniform[v]) return false;
+    switch (f.insts[o].op) {
+      case Op::FNeg: return i.op == Op::Fma;
+      case Op::BitCast: return i.op == Op::FToF && i.type == Type::F32;
+      case Op::Trunc: return i.op == Op::BitCast && folded[v] != 0;
+      default: return i.op == Op::Trunc && (f.type(o) == Type::I64 ? i.type == Type::I32 : folded[v] != 0);
+    }
+  };
+  // Users stand behind: whether they are folded is known.
+  for (Value v = Value(f.insts.size()); v-- > 1;) {
+    if (!p.a.needed[v]) continue;
+    for (Value o : f.operands(v))
+      if (folded[o] && !takes(v, o)) folded[o] = 0;
+  }
+}
+
+void findPairs(Plan& p) {
+  const Function& f = *p.f;
+  p.pairSecond.assign(f.insts.size(), 0);
+  p.pairFirst.assign(f.insts.size(), 0);
+  if (!p.has(Op::LoadConst)) return;
+  Value first = 0;
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (first) {
+      for (Value o : f.operands(v))
+        if (o == first) first = 0;
+      if ((ir::opInfo(i.op).flags & (ir::kEffect | ir::kControl)) && i.op != Op::Var) first = 0;
+    }
+    if (!isScattered(p, v)) continue;
+    const auto pairs = [&] {
+      const auto a = f.operands(first), b = f.operands(v);
+      const Inst& other = f.insts[first];
+      if (other.type != i.type || other.imm != i.imm || a[0] != b[0] || a[2] != b[2] || a[1] == b[1]) return false;
+      const uint64_t shift = ir::typeBytes(i.type) == 8 ? 3 : 2;
+      for (Value row : f.operands(a[1]))
+        if (columnOf(f, a[1], row, shift) && columnOf(f, b[1], row, shift)) return true;
+      return false;
+    };
+    if (first && pairs()) {
+      p.pairSecond[first] = v;
+      p.pairFirst[v] = first;
+      first = 0;
+    } else {
+      first = v;
+    }
+  }
+}
+
+void findCrossed(Plan& p) {
+  const Function& f = *p.f;
+  p.crossed.assign(f.insts.size(), 0);
+  bool any = false;
+  for (Value v = 1; v < f.insts.size() && p.has(Op::LoadConst); v++)
+    if (f.type(v) == Type::I64 && isScattered(p, v) && f.type(f.operands(v)[1]) == Type::I32) p.crossed[v] = any = true;
+  if (!any) return;
+  for (Value v = 1; v < f.insts.size(); v++) {
+    if (!p.a.needed[v]) continue;
+    const bool takesWord = !p.a.uniform[v] && (f.insts[v].op == Op::Trunc || (f.insts[v].op == Op::LShr && p.folded[v]));
+    for (Value o : f.operands(v))
+      if (!takesWord) p.crossed[o] = 0;
+  }
+  for (Value v = 1; v < f.insts.size(); v++)
+    if (const Value second = p.pairSecond[v]; second && p.crossed[v] != p.crossed[second]) p.crossed[v] = p.crossed[second] = 0;
+}
+
+}  // namespace pumice::jit
