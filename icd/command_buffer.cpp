@@ -27,7 +27,8 @@ void CommandBuffer::reset() {
   std::fill(std::begin(pushedDraw), std::end(pushedDraw), nullptr);
   std::fill(std::begin(pushedDispatch), std::end(pushedDispatch), nullptr);
   family = nullptr;
-  captured = nullptr;
+  isCaptured = false;
+  captured = {};
 }
 
 void CommandBuffer::execute(Execution& e) const {
@@ -41,15 +42,15 @@ void CommandBuffer::execute(Execution& e) const {
 }
 
 // Many draws between two changes of state share one copy.
-const pipeline::DrawState* CommandBuffer::captureDraw() {
-  if (captured) return captured;
+bool CommandBuffer::captureDraw() {
+  if (isCaptured) return true;
   if (family) try {
       draw.pipeline = family->member(extended);
     } catch (const std::bad_alloc&) {
       outOfMemory = true;
-      return nullptr;
+      return false;
     }
-  if (!draw.pipeline) return nullptr;
+  if (!draw.pipeline) return false;
   const pipeline::GraphicsState& s = pipeline::graphicsState(*draw.pipeline);
   auto is = [&](VkDynamicState state) { return s.dynamic >> state & 1; };
   draw.viewport = is(VK_DYNAMIC_STATE_VIEWPORT) ? dynamic.viewports[0] : s.viewport;
@@ -75,6 +76,24 @@ const pipeline::DrawState* CommandBuffer::captureDraw() {
     draw.stencilWriteMask[i] = is(VK_DYNAMIC_STATE_STENCIL_WRITE_MASK) ? dynamic.stencilWriteMask[i] : faces[i]->writeMask;
     draw.stencilReference[i] = is(VK_DYNAMIC_STATE_STENCIL_REFERENCE) ? dynamic.stencilReference[i] : faces[i]->reference;
   }
+  if (captured.whole && captured.whole->pipeline == draw.pipeline) {
+    const StateChunks changed = differingChunks(*captured.whole, draw);
+    const size_t count = size_t(std::popcount(changed));
+    if (count <= kStateChunks / 4) {
+      auto* chunks = static_cast<std::byte*>(arena.allocBytes(std::max<size_t>(count, 1) * kStateChunk, alignof(uint64_t)));
+      if (!chunks) {
+        outOfMemory = true;
+        return false;
+      }
+      captured.changed = changed;
+      captured.chunks = chunks;
+      for (StateChunks left = changed; left; left &= left - 1, chunks += kStateChunk) {
+        const size_t i = size_t(std::countr_zero(left));
+        std::memcpy(chunks, reinterpret_cast<const std::byte*>(static_cast<const pipeline::DrawValues*>(&draw)) + i * kStateChunk, stateChunkBytes(i));
+      }
+      return isCaptured = true;
+    }
+  }
   struct Kept : Command {
     explicit Kept(const pipeline::DrawState& d) : state(d) {}
     pipeline::DrawState state;
@@ -82,13 +101,14 @@ const pipeline::DrawState* CommandBuffer::captureDraw() {
   void* memory = arena.allocBytes(sizeof(Kept), alignof(Kept));
   if (!memory) {
     outOfMemory = true;
-    return nullptr;
+    return false;
   }
   auto* kept = new (memory) Kept(draw);
   kept->destroy = [](Command* c) { static_cast<Kept*>(c)->~Kept(); };
   *tail = kept;
   tail = &kept->next;
-  return captured = &kept->state;
+  captured = {&kept->state, 0, nullptr};
+  return isCaptured = true;
 }
 
 CommandPool::~CommandPool() {
@@ -169,7 +189,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindPipeline(VkCommandBuffer buffer, VkPipelineB
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     cb.draw.pipeline = from(pipeline)->graphics;
     cb.family = from(pipeline)->family.get();
-    cb.captured = nullptr;
+    cb.isCaptured = false;
   } else {
     cb.dispatch.pipeline = from(pipeline)->compute;
   }
@@ -177,40 +197,40 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindPipeline(VkCommandBuffer buffer, VkPipelineB
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetViewport(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkViewport* viewports) {
   for (uint32_t i = 0; i < count && first + i < raster::kMaxViewports; i++) from(buffer)->dynamic.viewports[first + i] = viewports[i];
-  from(buffer)->captured = nullptr;
+  from(buffer)->isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetScissor(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkRect2D* scissors) {
   for (uint32_t i = 0; i < count && first + i < raster::kMaxViewports; i++) from(buffer)->dynamic.scissors[first + i] = scissors[i];
-  from(buffer)->captured = nullptr;
+  from(buffer)->isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetLineWidth(VkCommandBuffer buffer, float width) {
   from(buffer)->dynamic.lineWidth = width;
-  from(buffer)->captured = nullptr;
+  from(buffer)->isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetDepthBias(VkCommandBuffer buffer, float constant, float clamp, float slope) {
   float values[3] = {constant, clamp, slope};
   std::copy_n(values, 3, from(buffer)->dynamic.depthBias);
-  from(buffer)->captured = nullptr;
+  from(buffer)->isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetBlendConstants(VkCommandBuffer buffer, const float constants[4]) {
   std::copy_n(constants, 4, from(buffer)->dynamic.blendConstants);
-  from(buffer)->captured = nullptr;
+  from(buffer)->isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetDepthBounds(VkCommandBuffer buffer, float low, float high) {
   from(buffer)->dynamic.depthBounds[0] = low;
   from(buffer)->dynamic.depthBounds[1] = high;
-  from(buffer)->captured = nullptr;
+  from(buffer)->isCaptured = false;
 }
 
 static void setFaces(CommandBuffer& cb, uint32_t (&values)[2], VkStencilFaceFlags faces, uint32_t value) {
   if (faces & VK_STENCIL_FACE_FRONT_BIT) values[0] = value;
   if (faces & VK_STENCIL_FACE_BACK_BIT) values[1] = value;
-  cb.captured = nullptr;
+  cb.isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilCompareMask(VkCommandBuffer b, VkStencilFaceFlags f, uint32_t v) { setFaces(*from(b), from(b)->dynamic.stencilCompareMask, f, v); }
@@ -235,7 +255,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindDescriptorSets(VkCommandBuffer buffer, VkPip
   };
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     bind(cb.draw);
-    cb.captured = nullptr;
+    cb.isCaptured = false;
   } else {
     bind(cb.dispatch);
   }
@@ -267,7 +287,7 @@ static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipe
   };
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     push(cb.draw, cb.pushedDraw[number]);
-    cb.captured = nullptr;
+    cb.isCaptured = false;
   } else {
     push(cb.dispatch, cb.pushedDispatch[number]);
   }
@@ -290,7 +310,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdPushConstants(VkCommandBuffer buffer, VkPipeline
   size = std::min(size, pipeline::kMaxPushBytes - offset);
   std::memcpy(cb.draw.push + offset, values, size);
   std::memcpy(cb.dispatch.push + offset, values, size);
-  cb.captured = nullptr;
+  cb.isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkBuffer* buffers, const VkDeviceSize* offsets) {
@@ -299,7 +319,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers(VkCommandBuffer buffer, uint32
     texture::BufferMemory range = buffers[i] ? from(buffers[i])->range(offsets[i]) : texture::BufferMemory{};
     cb.draw.vertexBuffers[first + i] = {reinterpret_cast<uint64_t>(range.base), range.size};
   }
-  cb.captured = nullptr;
+  cb.isCaptured = false;
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBindIndexBuffer(VkCommandBuffer buffer, VkBuffer indices, VkDeviceSize offset, VkIndexType type) {
@@ -308,16 +328,15 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindIndexBuffer(VkCommandBuffer buffer, VkBuffer
   cb.draw.indexBase = reinterpret_cast<uint64_t>(range.base);
   cb.draw.indexSize = range.size;
   cb.draw.indexType = type;
-  cb.captured = nullptr;
+  cb.isCaptured = false;
 }
 
 // --- draws and dispatches
 
 static void recordDraw(CommandBuffer& cb, const pipeline::DrawParams& params) {
-  const pipeline::DrawState* state = cb.captureDraw();
-  if (!state) return;
-  cb.record([state, params](Execution& e) {
-    if (!e.skips) e.pass.draw(*state, params);
+  if (!cb.captureDraw()) return;
+  cb.record([state = cb.captured, params](Execution& e) {
+    if (!e.skips) e.pass.draw(e.states.read(state), params);
   });
 }
 
@@ -339,8 +358,8 @@ static pipeline::DrawParams paramsOf(const VkDrawIndexedIndirectCommand& c) {
 // The parameters are read when the command runs; those beyond the buffer's end draw nothing.
 template <typename Indirect>
 static void recordIndirect(CommandBuffer& cb, VkBuffer handle, uint64_t offset, uint32_t count, uint32_t stride, VkBuffer countHandle = VK_NULL_HANDLE, uint64_t countOffset = 0) {
-  const pipeline::DrawState* state = cb.captureDraw();
-  if (!state) return;
+  if (!cb.captureDraw()) return;
+  const CapturedDraw state = cb.captured;
   texture::BufferMemory range = from(handle)->range(offset), counter = countHandle ? from(countHandle)->range(countOffset) : texture::BufferMemory{};
   bool counted = countHandle;
   cb.record([=](Execution& e) {
@@ -357,7 +376,7 @@ static void recordIndirect(CommandBuffer& cb, VkBuffer handle, uint64_t offset, 
       std::memcpy(&command, range.base + at, sizeof command);
       pipeline::DrawParams params = paramsOf(command);
       params.drawIndex = i;
-      e.pass.draw(*state, params);
+      e.pass.draw(e.states.read(state), params);
     }
   });
 }

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "icd/captured_draw.h"
 #include "icd/command_arena.h"
 #include "icd/descriptors.h"
 #include "icd/extended_state.h"
@@ -30,6 +31,7 @@ struct Execution {
   base::ThreadPool& pool;
   SyncHub& hub;
   pipeline::PassExecutor pass;
+  StateReader states;
   // The render pass that is open
   const RenderPass* renderPass = nullptr;
   const Framebuffer* framebuffer = nullptr;
@@ -123,8 +125,10 @@ struct CommandBuffer : Dispatchable {
   const std::byte *pushedDraw[ir::kMaxDescriptorSets] = {}, *pushedDispatch[ir::kMaxDescriptorSets] = {};
   ExtendedState extended;
   PipelineFamily* family = nullptr;                //!< of the bound pipeline, when it leaves extended state dynamic
-  const pipeline::DrawState* captured = nullptr;   //!< copy in the arena; null when something changed
-  const pipeline::DrawState* captureDraw();
+  bool isCaptured = false;                         //!< nothing changed since:
+  CapturedDraw captured;                           //!< of the last draw; in the arena
+  //! False: there is nothing to draw with.
+  bool captureDraw();
 };
 
 struct CommandPool {

@@ -56,6 +56,7 @@ void QueueWorker::run(Submission& s) {
     if (!execution_) execution_ = std::make_unique<Execution>(device_, hub_);
     const Watchdog::Guard guard(watchdog_.get());
     for (CommandBuffer* buffer : s.commandBuffers) buffer->execute(*execution_);
+    execution_->states.forget();
   }
   // What was submitted to a lost device counts as done: whoever waits comes back, and is told.
   if (s.work) s.work();

@@ -8,9 +8,8 @@
 
 namespace pumice::pipeline {
 
-//! State of the command buffer at a draw: captured values, no Vulkan objects. Pointers stay valid until the pass ends.
-struct DrawState {
-  std::shared_ptr<GraphicsPipeline> pipeline;
+//! State of the command buffer at a draw, but for the pipeline: captured values, no Vulkan objects. Pointers stay valid until the pass ends.
+struct DrawValues {
   VkViewport viewport{};                       //!< resolved: static or dynamic
   VkRect2D scissor{};
   VkViewport furtherViewports[raster::kMaxViewports - 1] = {};   //!< 1 and up; those of the pipeline's viewportCount
@@ -27,6 +26,11 @@ struct DrawState {
   uint64_t setSize[ir::kMaxDescriptorSets] = {};
   uint32_t dynamicOffsets[kMaxDynamicOffsets] = {};
   std::byte push[kMaxPushBytes] = {};
+};
+
+//! What a draw takes of it, it copies.
+struct DrawState : DrawValues {
+  std::shared_ptr<GraphicsPipeline> pipeline;
 };
 
 struct DrawParams {

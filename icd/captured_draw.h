@@ -1,0 +1,72 @@
+// States of draws as a command buffer keeps them: whole, or as what differs from a whole one before. Most draws change little (a dynamic
+// offset, a few push constants) of two kilobytes.
+#pragma once
+
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <type_traits>
+
+#include "icd/vulkan.h"
+#include "pipeline/execute.h"
+
+namespace pumice::icd {
+
+constexpr size_t kStateChunk = 64;   //!< bytes
+constexpr size_t kStateChunks = (sizeof(pipeline::DrawValues) + kStateChunk - 1) / kStateChunk;
+using StateChunks = uint64_t;        //!< bit per chunk of DrawValues
+static_assert(kStateChunks <= 64 && std::is_trivially_copyable_v<pipeline::DrawValues>);
+
+//! Bytes of chunk `i`; the last one may be shorter.
+constexpr size_t stateChunkBytes(size_t i) { return std::min(kStateChunk, sizeof(pipeline::DrawValues) - i * kStateChunk); }
+
+struct CapturedDraw {
+  const pipeline::DrawState* whole = nullptr;
+  StateChunks changed = 0;
+  const std::byte* chunks = nullptr;   //!< those that changed, kStateChunk bytes apart
+};
+
+//! Chunks in which two states differ.
+inline StateChunks differingChunks(const pipeline::DrawValues& a, const pipeline::DrawValues& b) {
+  const auto *x = reinterpret_cast<const std::byte*>(&a), *y = reinterpret_cast<const std::byte*>(&b);
+  StateChunks differ = 0;
+  for (size_t i = 0; i < kStateChunks; ++i)
+    differ |= StateChunks(std::memcmp(x + i * kStateChunk, y + i * kStateChunk, stateChunkBytes(i)) != 0) << i;
+  return differ;
+}
+
+//! Puts captured states together again, on the queue's thread.
+class StateReader {
+ public:
+  //! Valid until the next call.
+  const pipeline::DrawState& read(const CapturedDraw& c) {
+    if (!c.changed) return *c.whole;
+    if (whole_ != c.whole) {
+      state_ = *c.whole;
+      whole_ = c.whole;
+    } else {
+      for (StateChunks left = changed_ & ~c.changed; left; left &= left - 1) put(left, reinterpret_cast<const std::byte*>(static_cast<const pipeline::DrawValues*>(whole_)) + index(left) * kStateChunk);
+    }
+    changed_ = c.changed;
+    const std::byte* from = c.chunks;
+    for (StateChunks left = changed_; left; left &= left - 1, from += kStateChunk) put(left, from);
+    return state_;
+  }
+  //! Before a captured state may end.
+  void forget() {
+    state_ = {};
+    whole_ = nullptr;
+  }
+
+ private:
+  static size_t index(StateChunks chunks) { return size_t(std::countr_zero(chunks)); }
+  //! The lowest of `chunks`.
+  void put(StateChunks chunks, const std::byte* from) {
+    std::memcpy(reinterpret_cast<std::byte*>(static_cast<pipeline::DrawValues*>(&state_)) + index(chunks) * kStateChunk, from, stateChunkBytes(index(chunks)));
+  }
+  pipeline::DrawState state_;
+  const pipeline::DrawState* whole_ = nullptr;   //!< what state_ is made from, with
+  StateChunks changed_ = 0;
+};
+
+}  // namespace pumice::icd
