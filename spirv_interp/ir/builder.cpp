@@ -1,6 +1,7 @@
 #include "spirv_interp/ir/builder.h"
 
 #include <algorithm>
+#include <array>
 
 #include "spirv_interp/ir/fold.h"
 
@@ -8,36 +9,13 @@ namespace pumice::ir {
 
 namespace {
 
-bool isCommutative(Op op) {
-  switch (op) {
-    case Op::FAdd:
-    case Op::FMul:
-    case Op::Fma:
-    case Op::FMin:
-    case Op::FMax:
-    case Op::IAdd:
-    case Op::IMul:
-    case Op::SMulHi:
-    case Op::UMulHi:
-    case Op::And:
-    case Op::Or:
-    case Op::Xor:
-    case Op::SMin:
-    case Op::SMax:
-    case Op::UMin:
-    case Op::UMax:
-    case Op::FEq:
-    case Op::FNe:
-    case Op::IEq:
-    case Op::INe:
-    case Op::MaskAnd:
-    case Op::MaskOr:
-    case Op::MaskXor:
-      return true;
-    default:
-      return false;
-  }
-}
+constexpr auto kCommutative = [] {
+  std::array<bool, size_t(Op::kCount)> table{};
+  for (const Op op : {Op::FAdd, Op::FMul, Op::Fma, Op::FMin, Op::FMax, Op::IAdd, Op::IMul, Op::SMulHi, Op::UMulHi, Op::And, Op::Or, Op::Xor, Op::SMin,
+                      Op::SMax, Op::UMin, Op::UMax, Op::FEq, Op::FNe, Op::IEq, Op::INe, Op::MaskAnd, Op::MaskOr, Op::MaskXor})
+    table[size_t(op)] = true;
+  return table;
+}();
 
 uint32_t hashInst(Op op, Type type, uint8_t flags, std::span<const Value> operands, uint64_t imm) {
   uint64_t h = uint64_t(op) | uint64_t(type) << 16 | uint64_t(flags) << 24;
@@ -72,7 +50,7 @@ Value Builder::append(Op op, Type type, std::span<const Value> operands, uint64_
   i.operandCount = uint32_t(operands.size());
   i.line = line_;
   i.imm = imm;
-  f_.operandPool.insert(f_.operandPool.end(), operands.begin(), operands.end());
+  for (Value v : operands) f_.operandPool.push_back(v);
   f_.insts.push_back(i);
   return Value(f_.insts.size() - 1);
 }
@@ -99,7 +77,7 @@ Value Builder::emit(Op op, Type type, std::span<const Value> given, uint64_t imm
   }
   if (!(info.flags & kPure) || (instFlags_ & kInstVolatile)) return append(op, type, operands, imm);
 
-  if (isCommutative(op)) {
+  if (kCommutative[size_t(op)]) {
     const bool c0 = isConstant(operands[0]), c1 = isConstant(operands[1]);
     if (c0 != c1 ? c0 : operands[0] > operands[1]) std::swap(operands[0], operands[1]);
   }

@@ -1,4 +1,4 @@
-#include <unordered_map>
+#include <utility>
 
 #include "spirv_interp/ir/pass_list.h"
 
@@ -32,7 +32,7 @@ std::vector<bool> overwrittenStores(const Function& f) {
     Value store = 0;
     uint32_t epoch = 0;
   };
-  std::unordered_map<Value, Pending> pending;
+  std::vector<Pending> pending(f.insts.size());   // by var
   uint32_t epoch = 0;
   for (Value v = 1; v < f.insts.size(); ++v) {
     const Inst& i = f.insts[v];
@@ -53,7 +53,8 @@ class Marker {
         ends_(regionEnds(f)),
         live(f.insts.size()),
         parent_(f.insts.size()),
-        writers_(f.insts.size()) {}
+        lastWriter_(f.insts.size()),
+        writerBefore_(f.insts.size()) {}
 
   void run() {
     const std::vector<bool> overwritten = overwrittenStores(f_);
@@ -68,7 +69,7 @@ class Marker {
       parent_[v] = i.op == Op::Else ? before : open.back();
       if (ends_[v]) open.push_back(v);
       if ((i.op == Op::VarSet || i.op == Op::LocalStore) && !overwritten[v])
-        writers_[f_.operands(i)[0]].push_back(v);
+        writerBefore_[v] = std::exchange(lastWriter_[f_.operands(i)[0]], v);
     }
     for (Value v = 1; v < f_.insts.size(); ++v)
       if (isRoot(f_, f_.insts[v])) mark(v);
@@ -82,7 +83,7 @@ class Marker {
       // An if that lives without its else still needs its end.
       if (i.op == Op::If && f_.insts[ends_[v]].op == Op::Else) mark(ends_[ends_[v]]);
       if (i.op == Op::VarGet || i.op == Op::LocalLoad)
-        for (Value w : writers_[f_.operands(i)[0]]) mark(w);
+        for (Value w = lastWriter_[f_.operands(i)[0]]; w; w = writerBefore_[w]) mark(w);
     }
   }
 
@@ -100,7 +101,8 @@ class Marker {
 
  private:
   std::vector<Value> parent_;                // marker of the region an instruction stands in
-  std::vector<std::vector<Value>> writers_;  // by var or local allocation
+  std::vector<Value> lastWriter_;            // by var or local allocation
+  std::vector<Value> writerBefore_;          // by writer: the one before it
   std::vector<Value> work_;
 };
 

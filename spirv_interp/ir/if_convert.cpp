@@ -30,58 +30,53 @@ bool isCheap(const Inst& i) {
 }
 bool isFree(Op op) { return op == Op::Const || op == Op::Input || op == Op::UniformInput; }
 
+struct Store {
+  Value var = 0;
+  Value side[2] = {};  // 0 = keeps the old value
+};
+
+// Whether the `if` at `start` may be converted, and what it stores.
+bool convertible(const Function& f, Value start, std::vector<Store>& stores) {
+  stores.clear();
+  unsigned operations = 0;
+  int side = 0;
+  for (Value v = start + 1;; ++v) {
+    const Inst& i = f.insts[v];
+    if (i.op == Op::EndIf) return true;
+    if (i.op == Op::Else) {
+      side = 1;
+    } else if (i.op == Op::VarGet) {
+      // All reads move before all stores.
+      for (const Store& s : stores)
+        if (s.var == f.operands(i)[0] && s.side[side]) return false;
+    } else if (i.op == Op::VarSet) {
+      const Value var = f.operands(i)[0];
+      auto s = std::ranges::find(stores, var, &Store::var);
+      if (s == stores.end()) {
+        if (stores.size() == kMaxStores) return false;
+        s = stores.insert(stores.end(), Store{var, {}});
+      }
+      s->side[side] = f.operands(i)[1];
+    } else if (!isCheap(i) || (!isFree(i.op) && ++operations > kMaxOperations)) {
+      return false;
+    }
+  }
+}
+
 class Converter {
  public:
   explicit Converter(const Function& f)
       : in_(f), out_(withoutInstructions(f)), b_(out_), ends_(regionEnds(f)), map_(f.insts.size()) {}
 
-  bool run() {
-    bool changed = false;
+  Function run() {
     for (Value v = 1; v < in_.insts.size(); ++v) {
-      if (in_.insts[v].op == Op::If && convertible(v)) {
-        v = convert(v);
-        changed = true;
-      } else {
-        copy(v);
-      }
+      if (in_.insts[v].op == Op::If && convertible(in_, v, stores_)) v = convert(v);
+      else copy(v);
     }
-    return changed;
+    return std::move(out_);
   }
-  Function take() { return std::move(out_); }
 
  private:
-  struct Store {
-    Value var = 0;
-    Value side[2] = {};  // of the input function; 0 = keeps the old value
-  };
-
-  bool convertible(Value start) {
-    stores_.clear();
-    unsigned operations = 0;
-    int side = 0;
-    for (Value v = start + 1;; ++v) {
-      const Inst& i = in_.insts[v];
-      if (i.op == Op::EndIf) return true;
-      if (i.op == Op::Else) {
-        side = 1;
-      } else if (i.op == Op::VarGet) {
-        // All reads move before all stores.
-        for (const Store& s : stores_)
-          if (s.var == in_.operands(i)[0] && s.side[side]) return false;
-      } else if (i.op == Op::VarSet) {
-        const Value var = in_.operands(i)[0];
-        auto s = std::ranges::find(stores_, var, &Store::var);
-        if (s == stores_.end()) {
-          if (stores_.size() == kMaxStores) return false;
-          s = stores_.insert(stores_.end(), Store{var, {}});
-        }
-        s->side[side] = in_.operands(i)[1];
-      } else if (!isCheap(i) || (!isFree(i.op) && ++operations > kMaxOperations)) {
-        return false;
-      }
-    }
-  }
-
   Value convert(Value start) {
     const Value mask = map_[in_.operands(start)[0]];
     Value v = start + 1;
@@ -116,9 +111,11 @@ class Converter {
 }  // namespace
 
 bool convertIfs(Function& f) {
-  Converter converter(f);
-  if (!converter.run()) return false;
-  f = converter.take();
+  std::vector<Store> stores;
+  Value v = 1;
+  while (v < f.insts.size() && !(f.insts[v].op == Op::If && convertible(f, v, stores))) ++v;
+  if (v == f.insts.size()) return false;
+  f = Converter(f).run();
   return true;
 }
 
