@@ -1,7 +1,10 @@
 // The register allocator: a linear scan over intervals. A part that finds no register takes that of a part with less
 // weight (uses per length), or lives in the frame, where most instructions can read it in place.
+#include <xmmintrin.h>
+
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <utility>
 
@@ -14,7 +17,7 @@ using ir::Value;
 
 class Allocator {
  public:
-  explicit Allocator(Plan& p) : p_(p), free_(p.registers) {}
+  explicit Allocator(Plan& p) : p_(p), free_(p.registers) { std::fill(std::begin(weight_), std::end(weight_), kNever); }
 
   void run() {
     const size_t n = p_.f->insts.size() + 1;
@@ -34,6 +37,7 @@ class Allocator {
     }
     for (uint32_t at = 0; at < n; at++) {
       for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r]) place(r, at);
+      for (; fresh_; fresh_ &= fresh_ - 1) weight_[std::countr_zero(fresh_)] = held_[std::countr_zero(fresh_)].weight;
       for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r]) release(r);
     }
     if (inFrame_) giveSlots();
@@ -44,9 +48,20 @@ class Allocator {
   struct Holder {
     uint32_t vreg = kNone;
     uint32_t part = 0;
-    uint32_t start = 0;
     float weight = 0;
   };
+
+  //! The register whose holder has the least weight, if that is below `limit`, else -1. All registers are taken.
+  int lightestBelow(float limit) const {
+    __m128 least = _mm_set1_ps(limit);
+    for (uint32_t r = 0; r < kMaxRegisters; r += 4) least = _mm_min_ps(least, _mm_load_ps(weight_ + r));
+    least = _mm_min_ps(least, _mm_movehl_ps(least, least));
+    const float found = std::min(_mm_cvtss_f32(least), _mm_cvtss_f32(_mm_shuffle_ps(least, least, 1)));
+    if (!(found < limit)) return -1;
+    const __m128 all = _mm_set1_ps(found);
+    for (uint32_t r = 0;; r += 4)
+      if (const int equal = _mm_movemask_ps(_mm_cmpeq_ps(all, _mm_load_ps(weight_ + r)))) return int(r) + std::countr_zero(uint32_t(equal));
+  }
 
   void place(uint32_t id, uint32_t at) {
     Vreg& v = p_.vregs[id];
@@ -73,16 +88,7 @@ class Allocator {
       }
       if (reg < 0 && free_) reg = p_.upperFirst ? 31 - std::countl_zero(free_) : std::countr_zero(free_);
       if (reg < 0) {
-        int lightest = -1;
-        float weight = v.weight;
-        for (uint32_t left = p_.registers; left; left &= left - 1) {
-          const uint32_t r = uint32_t(std::countr_zero(left));
-          const Holder& h = held_[r];
-          if (h.weight < weight && (h.start != at || at == 0)) {
-            weight = h.weight;
-            lightest = int(r);
-          }
-        }
+        const int lightest = lightestBelow(v.weight);
         inFrame_ |= !v.uniform;
         if (lightest < 0) continue;
         inFrame_ = true;
@@ -91,7 +97,10 @@ class Allocator {
       }
       free_ &= ~(1u << reg);
       p_.used |= 1u << reg;
-      held_[reg] = {id, part, v.start, v.weight};
+      held_[reg] = {id, part, v.weight};
+      // Those of one instruction do not take each other's place.
+      weight_[reg] = at ? kNever : v.weight;
+      if (at) fresh_ |= 1u << reg;
       v.reg[part] = int8_t(reg);
     }
   }
@@ -128,7 +137,11 @@ class Allocator {
   Plan& p_;
   std::vector<uint32_t> starts_, ends_, nextStart_, nextEnd_;
   Holder held_[kMaxRegisters];
+  //! By register, of its holder. kNever: not to be had (again).
+  alignas(16) float weight_[kMaxRegisters];
+  static constexpr float kNever = HUGE_VALF;
   uint32_t free_;
+  uint32_t fresh_ = 0;     //!< registers given at this position
   bool inFrame_ = false;   //!< some part has no register
 };
 

@@ -76,11 +76,12 @@ bool Emitter::alu(Value v) {
   if (i.type != Type::None) {
     const Simple& s = kTable[size_t(i.op)][size_t(i.type)];
     if (s.id) {
+      const Parts x = parts(o[0]), y = parts(o.back());
       for (uint32_t part = 0; part < partsOf(i.type); part++) {
         const Ymm d = target(v, part);
-        if (o.size() == 2) bin(s.id, d, source(o[0], part), source(o[1], part), s.commutes);
-        else if (s.imm != ~0u) a_.emit(s.id, d, source(o[0], part), asmjit::imm(s.imm));
-        else a_.emit(s.id, d, source(o[0], part));
+        if (o.size() == 2) bin(s.id, d, source(x, part), source(y, part), s.commutes);
+        else if (s.imm != ~0u) a_.emit(s.id, d, source(x, part), asmjit::imm(s.imm));
+        else a_.emit(s.id, d, source(x, part));
         finish(v, part, d);
       }
       return true;
@@ -221,7 +222,7 @@ void Emitter::negate(Value v) {
   }
 }
 
-void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide, bool negative, bool subtract) {
+void Emitter::mul(Ymm d, Source a, Source b, Source c, bool wide, bool negative, bool subtract) {
   struct Forms {
     InstId f132, f213, f231;
   };
@@ -230,8 +231,8 @@ void Emitter::mul(Ymm d, const Source& a, const Source& b, const Source& c, bool
                                             {{PUMICE_FMA(fmadd, pd), PUMICE_FMA(fmsub, pd)}, {PUMICE_FMA(fnmadd, pd), PUMICE_FMA(fnmsub, pd)}}};
 #undef PUMICE_FMA
   const Forms& f = kForms[wide][negative][subtract];
-  const auto is = [&](const Source& s) { return s.is(d); };
-  const auto inReg = [&](const Source& s, Ymm scratch) {
+  const auto is = [&](Source s) { return s.is(d); };
+  const auto inReg = [&](Source s, Ymm scratch) {
     if (s.isReg) return s.reg();
     a_.move(scratch, s);
     return scratch;
@@ -265,9 +266,10 @@ void Emitter::fma(Value v) {
     if (negative[k]) o[k] = f_.operands(o[k])[0];
   }
   const Type t = f_.type(v);
+  const Parts x = parts(o[0]), y = parts(o[1]), z = parts(o[2]);
   for (uint32_t part = 0; part < partsOf(t); part++) {
     const Ymm d = target(v, part);
-    mul(d, source(o[0], part), source(o[1], part), source(o[2], part), t == Type::F64, negative[0] != negative[1], negative[2]);
+    mul(d, source(x, part), source(y, part), source(z, part), t == Type::F64, negative[0] != negative[1], negative[2]);
     finish(v, part, d);
   }
 }
@@ -416,7 +418,7 @@ void Emitter::divide(Value v) {
   for (uint32_t part = 0; part < partsOf(i.type); part++) {
     const Source a = source(o[0], part), b = source(o[1], part);
     //! Four lanes as doubles.
-    const auto widen = [&](Ymm to, const Source& s, bool upper) {
+    const auto widen = [&](Ymm to, Source s, bool upper) {
       const InstId id = isSigned ? I::kIdVcvtdq2pd : I::kIdVpmovzxdq;
       if (!s.isReg) {
         x86::Mem m = s.mem();

@@ -166,7 +166,7 @@ Ymm Emitter::loadSettled(Value v, uint32_t part, Ymm scratch) {
 
 // --- helpers
 
-void Emitter::bin(InstId id, Ymm d, const Source& a, const Source& b, bool commutes) {
+void Emitter::bin(InstId id, Ymm d, Source a, Source b, bool commutes) {
   if (a.isReg) a_.emit(id, d, a.reg(), b);
   else if (commutes && b.isReg) a_.emit(id, d, b.reg(), a);
   else {
@@ -175,7 +175,7 @@ void Emitter::bin(InstId id, Ymm d, const Source& a, const Source& b, bool commu
     a_.emit(id, d, s, b);
   }
 }
-void Emitter::cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t predicate) {
+void Emitter::cmp(InstId id, Ymm d, Source a, Source b, uint32_t predicate) {
   Ymm first = a.reg();
   if (!a.isReg) {
     first = b.is(d) ? t0() : d;
@@ -183,7 +183,7 @@ void Emitter::cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t p
   }
   a_.emit(id, d, first, b, asmjit::imm(predicate));
 }
-void Emitter::blend(Ymm d, const Source& no, const Source& yes, Ymm mask) {
+void Emitter::blend(Ymm d, Source no, Source yes, Ymm mask) {
   Ymm first = no.reg();
   if (!no.isReg) {
     first = yes.is(d) || mask.id() == d.id() ? t0() : d;
@@ -192,7 +192,7 @@ void Emitter::blend(Ymm d, const Source& no, const Source& yes, Ymm mask) {
   a_.emit(x86::Inst::kIdVblendvps, d, first, yes, mask);
 }
 
-Ymm Emitter::wideMaskOf(const Source& narrow, uint32_t part, Ymm scratch) {
+Ymm Emitter::wideMaskOf(Source narrow, uint32_t part, Ymm scratch) {
   if (narrow.isReg) {
     if (part & 1) {
       a_.vextracti128(scratch.xmm(), narrow.reg(), 1);

@@ -61,9 +61,19 @@ class Emitter {
   //! The register to compute part of v in; finish() puts it where it belongs.
   Ymm target(Value v, uint32_t part) { return preamble_ ? t2() : vregTarget(p_.vregOf[v], part); }
   void finish(Value v, uint32_t part, const Ymm& from) { preamble_ ? finishUniform(v, from) : vregFinish(p_.vregOf[v], part, from); }
+  //! The same, looked up once for all parts.
+  struct Parts {
+    const Vreg* r = nullptr;   //!< null: `all`
+    Source all;
+  };
+  Parts parts(Value v) {
+    if (isUniform(v) || p_.vregOf[v] == kNone) return {nullptr, source(v, 0)};
+    return {&p_.vregs[p_.vregOf[v]], {}};
+  }
+  Source source(const Parts& x, uint32_t part) const { return x.r ? vregSource(*x.r, part) : x.all; }
   void finishUniform(Value v, Ymm from);
-  Source vregSource(uint32_t vreg, uint32_t part) const {
-    const Vreg& r = p_.vregs[vreg];
+  Source vregSource(uint32_t vreg, uint32_t part) const { return vregSource(p_.vregs[vreg], part); }
+  Source vregSource(const Vreg& r, uint32_t part) const {
     if (r.flat) part = 0;
     if (r.reg[part] >= 0) return {true, uint8_t(r.reg[part]), 0};
     return slotSource(r.slot[part]);
@@ -78,7 +88,7 @@ class Emitter {
     if (r.reg[part] < 0) a_.store(slotSource(r.slot[part]), from);
     else if (uint32_t(r.reg[part]) != from.id()) a_.move(Ymm(uint32_t(r.reg[part])), reg(from));
   }
-  void move(const Ymm& to, const Source& from) {
+  void move(const Ymm& to, Source from) {
     if (!from.is(to)) a_.move(to, from);
   }
   Source slotSource(uint32_t slot) const { return {false, uint8_t(x86::Gp::kIdBx), int32_t(kFrameSlots + slot * kVectorBytes)}; }   // rbx: frame_
@@ -97,16 +107,16 @@ class Emitter {
   x86::Mem poolOf(Type t, uint64_t bits);
 
   // --- small helpers
-  void bin(InstId id, Ymm d, const Source& a, const Source& b, bool commutes = false);
-  void cmp(InstId id, Ymm d, const Source& a, const Source& b, uint32_t predicate);
+  void bin(InstId id, Ymm d, Source a, Source b, bool commutes = false);
+  void cmp(InstId id, Ymm d, Source a, Source b, uint32_t predicate);
   //! d = a * b + c, product and c negated as said.
-  void mul(Ymm d, const Source& a, const Source& b, const Source& c, bool wide, bool negative, bool subtract);
-  void blend(Ymm d, const Source& no, const Source& yes, Ymm mask);   //!< by 32-bit elements
+  void mul(Ymm d, Source a, Source b, Source c, bool wide, bool negative, bool subtract);
+  void blend(Ymm d, Source no, Source yes, Ymm mask);   //!< by 32-bit elements
   static Source reg(const Ymm& r) { return {true, uint8_t(r.id()), 0}; }
   static Source mem(const x86::Mem& m) { return {false, uint8_t(m.baseId()), m.offsetLo32()}; }
   //! The mask v for the 64-bit elements of `part`.
   Ymm wideMask(Value v, uint32_t part, Ymm scratch);
-  Ymm wideMaskOf(const Source& narrow, uint32_t part, Ymm scratch);
+  Ymm wideMaskOf(Source narrow, uint32_t part, Ymm scratch);
   //! Two 64-bit comparisons' results as one mask, in `low`.
   void narrowMask(Ymm low, Ymm high);
   void maskBits(const x86::Gp& to, Value mask);                 //!< bit per lane of the chunk; uses rax... `to` and r11

@@ -14,8 +14,8 @@ bool isHalfArithmetic(const Function& f, const Inst& i) {
 }
 }  // namespace
 
-void widenHalves(Function& f) {
-  if (std::none_of(f.insts.begin(), f.insts.end(), [&](const Inst& i) { return isHalfArithmetic(f, i); })) return;
+bool widenHalves(Function& f) {
+  if (std::none_of(f.insts.begin(), f.insts.end(), [&](const Inst& i) { return isHalfArithmetic(f, i); })) return false;
   Function g;
   g.name = f.name;
   g.imageOps = f.imageOps;
@@ -54,6 +54,7 @@ void widenHalves(Function& f) {
     renamed[v] = convert(append(i, operands), Type::F16, i.line);
   }
   f = std::move(g);
+  return true;
 }
 
 }  // namespace pumice::jit

@@ -5,6 +5,7 @@
 
 namespace pumice::jit {
 
-void widenHalves(ir::Function& f);
+//! Gives whether there was any: the rates are to be computed again.
+bool widenHalves(ir::Function& f);
 
 }  // namespace pumice::jit

@@ -213,9 +213,8 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   ir::Function f = source;
   ir::lowerMath(f, options.numerics);
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
-  widenHalves(f);
+  if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
   if (jit.wholeBlocks) computeWhenNeeded(f);
-  ir::computeRates(f);
   Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, wantsAvx512(jit.isa) ? kRegistersAvx512 : kRegistersAvx2);
   plan.upperFirst = jit.upperFirst;
   allocate(plan);

@@ -37,27 +37,27 @@ class VectorAssembler final : public asmjit::x86::Assembler {
     return direct(id, o0, o1, o2, o3) ? asmjit::kErrorOk : _emitI(id, o0, o1, o2, o3);
   }
   //! The same for operands whose kinds are known.
-  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, const Source& m) {
-    return put(VexForm::Rvm, id, d.id(), a.id(), m) ? asmjit::kErrorOk : _emitI(id, d, a, m.op());
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, Source m) {
+    return put<VexForm::Rvm>(id, d.id(), a.id(), m) ? asmjit::kErrorOk : _emitI(id, d, a, m.op());
   }
-  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, const Source& m, const asmjit::Imm& constant) {
-    return put(VexForm::RvmImm, id, d.id(), a.id(), m, constant.valueAs<uint8_t>(), 1) ? asmjit::kErrorOk : _emitI(id, d, a, m.op(), constant);
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, Source m, const asmjit::Imm& constant) {
+    return put<VexForm::RvmImm>(id, d.id(), a.id(), m, constant.valueAs<uint8_t>()) ? asmjit::kErrorOk : _emitI(id, d, a, m.op(), constant);
   }
-  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, const Source& m, const Ymm& mask) {
-    return put(VexForm::RvmReg, id, d.id(), a.id(), m, mask.id() << 4, 1) ? asmjit::kErrorOk : _emitI(id, d, a, m.op(), mask);
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Ymm& a, Source m, const Ymm& mask) {
+    return put<VexForm::RvmReg>(id, d.id(), a.id(), m, mask.id() << 4) ? asmjit::kErrorOk : _emitI(id, d, a, m.op(), mask);
   }
-  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Source& m) {
-    return put(VexForm::Rm, id, d.id(), 0, m) ? asmjit::kErrorOk : _emitI(id, d, m.op());
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, Source m) {
+    return put<VexForm::Rm>(id, d.id(), 0, m) ? asmjit::kErrorOk : _emitI(id, d, m.op());
   }
-  asmjit::Error emit(asmjit::InstId id, const Ymm& d, const Source& m, const asmjit::Imm& constant) {
-    return put(VexForm::RmImm, id, d.id(), 0, m, constant.valueAs<uint8_t>(), 1) ? asmjit::kErrorOk : _emitI(id, d, m.op(), constant);
+  asmjit::Error emit(asmjit::InstId id, const Ymm& d, Source m, const asmjit::Imm& constant) {
+    return put<VexForm::RmImm>(id, d.id(), 0, m, constant.valueAs<uint8_t>()) ? asmjit::kErrorOk : _emitI(id, d, m.op(), constant);
   }
-  asmjit::Error move(const Ymm& to, const Source& from) {
-    return put(VexForm::Move, asmjit::x86::Inst::kIdVmovaps, to.id(), 0, from) ? asmjit::kErrorOk : vmovaps(to, from.op());
+  asmjit::Error move(const Ymm& to, Source from) {
+    return put<VexForm::Move>(asmjit::x86::Inst::kIdVmovaps, to.id(), 0, from) ? asmjit::kErrorOk : vmovaps(to, from.op());
   }
   //! `to` is in memory.
-  asmjit::Error store(const Source& to, const Ymm& from) {
-    return put(VexForm::Move, asmjit::x86::Inst::kIdVmovaps, from.id(), 0, to, 0, 0, true) ? asmjit::kErrorOk : vmovaps(to.op(), from);
+  asmjit::Error store(Source to, const Ymm& from) {
+    return put<VexForm::Move, true>(asmjit::x86::Inst::kIdVmovaps, from.id(), 0, to) ? asmjit::kErrorOk : vmovaps(to.op(), from);
   }
   asmjit::Error vmovaps(const asmjit::Operand_& to, const asmjit::Operand_& from) { return emit(asmjit::x86::Inst::kIdVmovaps, to, from); }
 
@@ -66,10 +66,12 @@ class VectorAssembler final : public asmjit::x86::Assembler {
 
  private:
   //! AVX2's usual instructions, into the buffer past asmjit (vex.h). Not if somebody wants a listing.
-  bool put(VexForm form, asmjit::InstId id, uint32_t r, uint32_t v, const Source& m, uint32_t tail = 0, uint32_t tailBytes = 0, bool store = false) {
+  template <VexForm kForm, bool kStore = false>
+  bool put(asmjit::InstId id, uint32_t r, uint32_t v, Source m, uint32_t tail = 0) {
+    constexpr bool kTail = kForm == VexForm::RvmImm || kForm == VexForm::RvmReg || kForm == VexForm::RmImm;
     const VexRow& row = kVexRows[id];
-    if (!direct_ || row.form != form || remainingSpace() < kVexBytes) return false;
-    wrote(encodeVex(_bufferPtr, row, store ? row.store : row.opcode, r, v, true, !m.isReg, m.id, m.offset, tail, tailBytes));
+    if (!direct_ || row.form != kForm || remainingSpace() < kVexBytes) return false;
+    wrote(encodeVex(_bufferPtr, row, kStore ? row.store : row.opcode, r, v, true, !m.isReg, m.id, m.offset, tail, kTail));
     return true;
   }
   void wrote(uint8_t* end) {

@@ -6,9 +6,16 @@ namespace {
 namespace I = asmjit::x86::Inst;
 using enum VexForm;
 
+struct Code {
+  VexForm form;
+  uint8_t map;      //!< 1: 0f, 2: 0f 38, 3: 0f 3a
+  uint8_t prefix;   //!< 0: none, 1: 66, 2: f3, 3: f2
+  bool w;
+  uint8_t opcode, store = 0;
+};
 struct Row {
   uint32_t id;
-  VexRow row;
+  Code code;
 };
 constexpr Row kRows[] = {
     // --- 0f: floats
@@ -111,7 +118,8 @@ constexpr Row kRows[] = {
 
 constinit const std::array<VexRow, I::_kIdCount> kVexRows = [] {
   std::array<VexRow, I::_kIdCount> rows{};
-  for (const Row& r : kRows) rows[r.id] = r.row;
+  for (const auto& [id, c] : kRows)
+    rows[id] = {c.form, c.opcode, c.store, 0xc4u | (0xe0u | c.map) << 8 | (uint32_t(c.w) << 7 | 0x78u | c.prefix) << 16};
   return rows;
 }();
 

@@ -24,10 +24,8 @@ enum class VexForm : uint8_t {
 };
 struct VexRow {
   VexForm form = VexForm::None;
-  uint8_t map = 0;      //!< 1: 0f, 2: 0f 38, 3: 0f 3a
-  uint8_t prefix = 0;   //!< 0: none, 1: 66, 2: f3, 3: f2
-  bool w = false;
   uint8_t opcode = 0, store = 0;
+  uint32_t head = 0;   //!< the bytes before the opcode for registers 0, 128 bits wide
 };
 //! By instruction; those that are not here are asmjit's.
 extern const std::array<VexRow, asmjit::x86::Inst::_kIdCount> kVexRows;
@@ -52,7 +50,7 @@ inline bool isYmm(const asmjit::Operand_& o) { return o.signature().bits() == as
 //! One instruction, written to `at`, where kVexBytes are free; gives its end. `r`: ModRM.reg; `v`: VEX.vvvv; `wide`: 256 bits;
 //! m is a register if `memory` is not set, else `base` + `offset`; behind it `tailBytes` (0, 1) of `tail`.
 inline uint8_t* encodeVex(uint8_t* at, const VexRow& row, uint32_t opcode, uint32_t r, uint32_t v, bool wide, bool memory, uint32_t base,
-                          int32_t offset, uint64_t tail, uint32_t tailBytes) {
+                          int32_t offset, uint32_t tail, uint32_t tailBytes) {
   // What follows the opcode, from its lowest byte on.
   uint64_t rest = (r & 7) << 3 | (base & 7);
   uint32_t restBits = 8;
@@ -71,15 +69,13 @@ inline uint8_t* encodeVex(uint8_t* at, const VexRow& row, uint32_t opcode, uint3
   } else {
     rest |= 0xc0;
   }
-  rest |= tail << restBits;
-  const uint32_t last = (~v & 15) << 3 | uint32_t(wide) << 2 | row.prefix, notR = (~r & 8) << 4;
-  uint32_t head, headBytes;
-  if (row.map == 1 && !row.w && base < 8) {
-    head = 0xc5 | (notR | last) << 8 | opcode << 16;
+  if (tailBytes) rest |= uint64_t(tail) << restBits;
+  // The long form: c4, R X B (inverted) and map, W vvvv (inverted) L and prefix, opcode.
+  uint32_t head = (row.head ^ (r & 8) << 12 ^ (base & 8) << 10 ^ v << 19) | uint32_t(wide) << 18 | opcode << 24;
+  uint32_t headBytes = 4;
+  if ((head & 0x803f00) == 0x2100) {   // neither W nor B, and map 0f: c5, R vvvv L and prefix, opcode
+    head = 0xc5 | (head & 0x8000) | (head >> 8 & 0xff7f00);
     headBytes = 3;
-  } else {
-    head = 0xc4 | (notR | 0x40 | (~base & 8) << 2 | row.map) << 8 | (uint32_t(row.w) << 7 | last) << 16 | opcode << 24;
-    headBytes = 4;
   }
   std::memcpy(at, &head, sizeof head);
   at += headBytes;
