@@ -5,6 +5,21 @@
 #include "raster/setup.h"
 
 namespace pumice::raster {
+namespace {
+
+//! The pixel of a point and its diamond, |x - xf| + |y - yf| < 1/2 about the pixel's middle. Points on boundaries count as moved a little
+//! to the left, and much less up. ("Bresenham Line Segment Rasterization", Vulkan specification)
+struct Diamond {
+  explicit Diamond(const SnappedPoint& p)
+      : middleX((((p.x - 1) >> kSubpixelBits) << kSubpixelBits) + kSubpixelOne / 2), middleY((((p.y - 1) >> kSubpixelBits) << kSubpixelBits) + kSubpixelOne / 2) {
+    const int64_t distance = std::abs(p.x - middleX) + std::abs(p.y - middleY);
+    inside = distance < kSubpixelOne / 2 || (distance == kSubpixelOne / 2 && p.x > middleX);
+  }
+  int64_t middleX, middleY;
+  bool inside;
+};
+
+}  // namespace
 
 void SetupContext::line(const uint32_t (&slots)[2], uint32_t provoking, uint32_t primitiveId) {
   counters_.input++;
@@ -67,7 +82,20 @@ void SetupContext::segment(const SetupVertex (&own)[2], const Origin& origin) {
     p.edges[0] = forward ? makeEdge(low[0], low[1]) : makeEdge(low[1], low[0]);
     p.edges[1] = forward ? makeEdge(high[1], high[0]) : makeEdge(high[0], high[1]);
     const int32_t direction = alongX ? (x > 0 ? 1 : -1) : (y > 0 ? 1 : -1);
-    const int64_t start = alongX ? from.x : from.y, end = alongX ? to.x : to.y;
+    int64_t start = alongX ? from.x : from.y, end = alongX ? to.x : to.y;
+    // The middles of columns decide, but at an end (not: where the line is clipped) the pixel's diamond: one that the line starts in and
+    // leaves is drawn, though its middle lies behind; one that the line ends in is not, though its middle has been passed.
+    const auto passed = [&](const SnappedPoint& at, int64_t& middle) {
+      const Diamond d(at);
+      middle = alongX ? d.middleX : d.middleY;
+      return d.inside && direction * ((alongX ? at.x : at.y) - middle) > 0;
+    };
+    int64_t middle = 0;
+    if (!out0 && passed(from, middle)) {
+      (alongX ? low[0].x : low[0].y) = middle;   // for the box
+      start = middle;
+    }
+    if (!out1 && passed(to, middle)) end = middle;
     p.edges[2] = {alongX ? direction : 0, alongX ? 0 : direction, -direction * start};
     p.edges[3] = {alongX ? -direction : 0, alongX ? 0 : -direction, direction * end - 1};
   } else {

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "raster_fixture.h"
 
 namespace pumice::raster::test {
@@ -31,6 +33,45 @@ TEST(Lines, EveryColumnOfAFlatLineGetsOnePixelInEitherDirection) {
       ASSERT_EQ(sum, k >= 4 && k <= 59 ? 1u : 0u);
     }
   }
+}
+
+// A pixel is drawn when the segment enters its diamond and does not end there.
+TEST(Lines, BresenhamIsTheDiamondExitRule) {
+  std::mt19937 random(42);
+  uint32_t drawn = 0, unsure = 0;
+  for (int i = 0; i < 2000; i++) {
+    double x[2], y[2];
+    for (int e = 0; e < 2; e++) {
+      // Half of them are shorter than three pixels.
+      const double reach = e && i & 1 ? 3 * 256 : 60 * 256;
+      x[e] = (e && i & 1 ? x[0] - 1.5 : 2) + double(random() % int(reach)) / 256;
+      y[e] = (e && i & 1 ? y[0] - 1.5 : 2) + double(random() % int(reach)) / 256;
+    }
+    Draw draw = drawOf(VK_PRIMITIVE_TOPOLOGY_LINE_LIST);
+    draw.state.lineMode = LineMode::Bresenham;
+    for (int e = 0; e < 2; e++) draw.addPixel(x[e], y[e]);
+    draw.setup();
+    Picture picture(kSize, kSize, 1);
+    picture.draw(draw);
+    for (uint32_t py = 0; py < kSize; py++)
+      for (uint32_t px = 0; px < kSize; px++) {
+        const double mx = px + 0.5, my = py + 0.5, dx = x[1] - x[0], dy = y[1] - y[0];
+        const auto distance = [&](double t) { return std::abs(x[0] + t * dx - mx) + std::abs(y[0] + t * dy - my); };
+        // Piecewise linear in t: the smallest is at an end or where it bends.
+        double least = std::min(distance(0), distance(1));
+        if (dx != 0) least = std::min(least, distance(std::clamp((mx - x[0]) / dx, 0.0, 1.0)));
+        if (dy != 0) least = std::min(least, distance(std::clamp((my - y[0]) / dy, 0.0, 1.0)));
+        if (std::abs(least - 0.5) < 1e-9 || std::abs(distance(1) - 0.5) < 1e-9) {
+          unsure++;
+          continue;
+        }
+        const bool expected = least < 0.5 && distance(1) > 0.5;
+        drawn += expected;
+        ASSERT_EQ(picture.at(px, py), expected ? 1 : 0) << "pixel " << px << ", " << py << " of (" << x[0] << ", " << y[0] << ") to (" << x[1] << ", " << y[1] << ")";
+      }
+  }
+  EXPECT_GT(drawn, 20000u);
+  EXPECT_LT(unsure, 2000u);
 }
 
 TEST(Lines, BresenhamCoversAllSamplesOfAPixelOrNone) {
