@@ -33,6 +33,7 @@ struct Segment { uint32_t instance, start, first, primitives, primitiveId; };   
 struct Chunk {
   std::vector<Segment> segments;
   std::span<const raster::Primitive> primitives;
+  const uint32_t* tiles = nullptr;   //!< of each: TileGrid::onlyTile
   bool outOfMemory = false;
 };
 
@@ -47,9 +48,12 @@ struct Indices {
   uint32_t raw(uint32_t position) const {
     const uint64_t at = (uint64_t(first) + position) * bytes;
     if (!base || at + bytes > size) return 0;
-    uint32_t v = 0;
-    std::memcpy(&v, base + at, bytes);
-    return v;
+    const auto read = [&]<typename T>(T) {   // of a known size: no call
+      T v;
+      std::memcpy(&v, base + at, sizeof v);
+      return uint32_t(v);
+    };
+    return bytes == 4 ? read(uint32_t()) : bytes == 2 ? read(uint16_t()) : read(uint8_t());
   }
   uint32_t restart() const { return bytes == 4 ? ~0u : (1u << (8 * bytes)) - 1; }
 };
@@ -118,27 +122,23 @@ struct FrontDraw {
   const interp::UniformBank& bank;
   const interp::Tables& tables;
   const raster::SetupState& setup;
+  const raster::TileGrid& grid;
   const Indices& indices;
   VkPrimitiveTopology topology;
   uint32_t firstVertex, firstInstance;
   const std::atomic<bool>* stop;
 
-  //! Calls f(position) for the index positions of a segment's vertices.
-  template <typename F>
-  void positions(const Segment& s, F&& f) const {
-    uint32_t begin = s.start, count = 0;
+  //! The index positions of a segment's vertices: `count` from `begin`, and before them, of a fan, the run's first.
+  struct Positions { bool apex; uint32_t begin, count; };
+  Positions positions(const Segment& s) const {
     switch (topology) {
-      case VK_PRIMITIVE_TOPOLOGY_POINT_LIST: begin += s.first, count = s.primitives; break;
-      case VK_PRIMITIVE_TOPOLOGY_LINE_LIST: begin += s.first * 2, count = s.primitives * 2; break;
-      case VK_PRIMITIVE_TOPOLOGY_LINE_STRIP: begin += s.first, count = s.primitives + 1; break;
-      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP: begin += s.first, count = s.primitives + 2; break;
-      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN:
-        f(s.start);
-        begin += s.first + 1, count = s.primitives + 1;
-        break;
-      default: begin += s.first * 3, count = s.primitives * 3;
+      case VK_PRIMITIVE_TOPOLOGY_POINT_LIST: return {false, s.start + s.first, s.primitives};
+      case VK_PRIMITIVE_TOPOLOGY_LINE_LIST: return {false, s.start + s.first * 2, s.primitives * 2};
+      case VK_PRIMITIVE_TOPOLOGY_LINE_STRIP: return {false, s.start + s.first, s.primitives + 1};
+      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP: return {false, s.start + s.first, s.primitives + 2};
+      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN: return {true, s.start + s.first + 1, s.primitives + 1};
+      default: return {false, s.start + s.first * 3, s.primitives * 3};
     }
-    for (uint32_t i = 0; i < count; ++i) f(begin + i);
   }
 
   void run(FrontWorker& w, Chunk& chunk) const;
@@ -191,23 +191,28 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
   w.table.clear();
   std::vector<uint32_t> ends;   // of the segments in slots
   for (const Segment& s : chunk.segments) {
-    positions(s, [&](uint32_t position) {
-      const uint32_t next = uint32_t(w.vertexIndex.size());
-      if (indices.bytes) {
+    const Positions p = positions(s);
+    if (indices.bytes) {
+      const auto take = [&](uint32_t position) {
         const uint32_t index = indices.raw(position);
         bool fresh = false;
-        w.slots.push_back(w.table.find(s.instance, index, next, fresh));
-        if (!fresh) {
-          ++w.reused;
-          return;
-        }
-        w.vertexIndex.push_back(index + uint32_t(indices.vertexOffset));
-      } else {
-        w.slots.push_back(next);
-        w.vertexIndex.push_back(firstVertex + position);
-      }
-      w.vertexInstance.push_back(firstInstance + s.instance);
-    });
+        w.slots.push_back(w.table.find(s.instance, index, uint32_t(w.vertexIndex.size()), fresh));
+        if (fresh) w.vertexIndex.push_back(index + uint32_t(indices.vertexOffset));
+        else ++w.reused;
+      };
+      if (p.apex) take(s.start);
+      for (uint32_t i = 0; i < p.count; ++i) take(p.begin + i);
+    } else {
+      // Every vertex has its own slot.
+      const uint32_t at = uint32_t(w.slots.size()), end = at + p.apex + p.count;
+      w.slots.resize(end);
+      w.vertexIndex.resize(end);
+      for (uint32_t i = at; i < end; ++i) w.slots[i] = i;
+      uint32_t* index = w.vertexIndex.data() + at;
+      if (p.apex) *index++ = firstVertex + s.start;
+      for (uint32_t i = 0; i < p.count; ++i) index[i] = firstVertex + p.begin + i;
+    }
+    w.vertexInstance.resize(w.vertexIndex.size(), firstInstance + s.instance);
     ends.push_back(uint32_t(w.slots.size()));
   }
   raster::VertexOutputs vertices;
@@ -234,7 +239,12 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
     begin = ends[i];
   }
   chunk.primitives = w.arena.copy(std::span<const raster::Primitive>(w.primitives));
-  chunk.outOfMemory = chunk.primitives.size() != w.primitives.size();
+  // The pass looks for the bins one chunk after the other: it need not fetch primitives for that.
+  uint32_t* tiles = w.arena.alloc<uint32_t>(w.primitives.size());
+  chunk.outOfMemory = chunk.primitives.size() != w.primitives.size() || !tiles;
+  if (chunk.outOfMemory) chunk.primitives = {};
+  for (size_t i = 0; i < chunk.primitives.size(); ++i) tiles[i] = grid.onlyTile(w.primitives[i]);
+  chunk.tiles = tiles;
 }
 
 }  // namespace
@@ -387,7 +397,7 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   if (record.fragment) setup.varyings = record.fragment->varyings;
 
   const interp::UniformBank bank = vertex.code->preamble(record.tables);
-  const FrontDraw shared{vertex,         record.pipeline->link, bank,         record.tables,        setup, indices,
+  const FrontDraw shared{vertex,         record.pipeline->link, bank,         record.tables,        setup, bins->grid(), indices,
                          fixed.topology, params.first,          params.firstInstance, &pool.cancelled()};
   const std::vector<Run> runs = findRuns(fixed, indices, params.count);
   if (query) {
@@ -412,7 +422,7 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
     const uint32_t number = uint32_t(draws.size() - 1);
     for (const Chunk& chunk : chunks) {
       if (chunk.outOfMemory) base::logError("primitives left out: memory is exhausted");
-      for (const raster::Primitive& p : chunk.primitives) bins->add(number, p);
+      for (size_t i = 0; i < chunk.primitives.size(); ++i) bins->add(number, chunk.primitives[i], chunk.tiles[i]);
       counters.primitives += chunk.primitives.size();
       collected += chunk.primitives.size() * primitiveBytes;
     }

@@ -7,7 +7,7 @@
 
 namespace pumice::raster {
 
-void Bins::add(uint32_t draw, const Primitive& p) {
+void Bins::addToSome(uint32_t draw, const Primitive& p) {
   constexpr int32_t kTile = int32_t(kTileSize);
   if (p.maxX < 0 || p.maxY < 0 || p.minX > p.maxX || p.minY > p.maxY) return;
   const int32_t x0 = std::max(p.minX, 0) / kTile, x1 = std::min(p.maxX / kTile, int32_t(grid_.tilesX) - 1);
@@ -16,10 +16,6 @@ void Bins::add(uint32_t draw, const Primitive& p) {
   const BinEntry entry{draw, &p};
   if (p.layer >= grid_.layers) return;
   const size_t layer = size_t(p.layer) * grid_.tilesX * grid_.tilesY;
-  if (x0 == x1 && y0 == y1) {
-    tiles_[layer + size_t(y0) * grid_.tilesX + x0].push_back(entry);
-    return;
-  }
   // A tile is left out when even its corner that is deepest inside lies outside one edge. Samples lie on
   // [0, 255] / 256 of their pixel, so the tile spans [0, last] in 1/256 pixels.
   constexpr int64_t kSpan = int64_t(kTile) * kSubpixelOne;

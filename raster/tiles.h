@@ -17,6 +17,14 @@ struct TileGrid {
       : tilesX((width + kTileSize - 1) / kTileSize), tilesY((height + kTileSize - 1) / kTileSize), layers(layerCount) {}
   uint32_t count() const { return tilesX * tilesY * layers; }
   bool operator==(const TileGrid&) const = default;
+  static constexpr uint32_t kNotOne = ~0u;
+  //! The number of the tile that a primitive lies in as a whole, or kNotOne.
+  uint32_t onlyTile(const Primitive& p) const {
+    if ((p.minX | p.minY) < 0 || p.minX > p.maxX || p.minY > p.maxY || p.layer >= layers) return kNotOne;
+    const uint32_t x = uint32_t(p.minX) / kTileSize, y = uint32_t(p.minY) / kTileSize;
+    if (x != uint32_t(p.maxX) / kTileSize || y != uint32_t(p.maxY) / kTileSize || x >= tilesX || y >= tilesY) return kNotOne;
+    return (p.layer * tilesY + y) * tilesX + x;
+  }
 };
 
 //! One entry of a tile's bin: draw and primitive, in API order.
@@ -28,11 +36,17 @@ class Bins {
   explicit Bins(TileGrid grid) : grid_(grid), tiles_(grid.count()) {}
   const TileGrid& grid() const { return grid_; }
   //! Bins a primitive into every tile its edges may touch (exact reject of tiles outside an edge).
-  void add(uint32_t draw, const Primitive& primitive);
+  void add(uint32_t draw, const Primitive& primitive) { add(draw, primitive, grid_.onlyTile(primitive)); }
+  //! The same for one whose onlyTile() is known: then nothing is read of the primitive if it lies in one tile.
+  void add(uint32_t draw, const Primitive& primitive, uint32_t onlyTile) {
+    if (onlyTile != TileGrid::kNotOne) tiles_[onlyTile].push_back({draw, &primitive});
+    else addToSome(draw, primitive);
+  }
   std::span<const BinEntry> tile(uint32_t index) const { return tiles_[index]; }
   bool empty() const;
   void clear();
  private:
+  void addToSome(uint32_t draw, const Primitive& primitive);
   TileGrid grid_;
   std::vector<std::vector<BinEntry>> tiles_;
 };
