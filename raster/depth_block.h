@@ -8,6 +8,7 @@
 // extremes are those of two corners, exactly. Clamping and packing are monotone too. So bounds need no margin.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
@@ -23,8 +24,13 @@ constexpr uint32_t depthBytes(DepthKind kind) { return kind == DepthKind::Unorm1
 struct DepthEquation {
   float origin = 0, dx = 0, dy = 0;
   float low = 0, high = 1;
+  bool inside = false;           //!< at covered samples all depths lie between low and high, not on them, and within [0, 1]
   //! False: sums may overflow, so corners say nothing.
-  bool tame() const;
+  bool tame() const {
+    // Three terms, coordinates below 64: no sum comes near to overflow. False for NaN.
+    constexpr float kMost = 0x1p110f;
+    return std::fabs(origin) < kMost && std::fabs(dx) < kMost && std::fabs(dy) < kMost;
+  }
 };
 
 //! Of keys; from -infinity to infinity where nothing is known, or where there is a NaN.
@@ -61,6 +67,8 @@ struct DepthKernels {
 
 //! For this processor, no better than PUMICE_ISA allows.
 const DepthKernels& depthKernels();
+//! Those that run everywhere.
+const DepthKernels& plainDepthKernels();
 //! All there are for this processor (tests): the first one runs everywhere.
 struct NamedDepthKernels {
   const char* name;

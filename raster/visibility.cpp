@@ -107,7 +107,8 @@ void Visibility::begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const D
     sampleHighX_ = std::max(sampleHighX_, placeX_[s]);
     sampleHighY_ = std::max(sampleHighY_, placeY_[s]);
   }
-  winners_.resize(std::max(winners_.size(), size_t(kBlocksPerTile) * samples_ * 16));
+  winners_.resize(std::max(winners_.size(), size_t(kBlocksPerTile) * samples_));
+  takeBlocks_ = vectors_ && depth.base ? takeBlocksFor(depth.kind, samples_) : nullptr;
   std::fill(std::begin(source_), std::end(source_), kMemory);
   std::fill(std::begin(owner_), std::end(owner_), kNone);
   std::fill(std::begin(virtual_), std::end(virtual_), 0);
@@ -216,6 +217,7 @@ DepthEquation Visibility::equation(const Primitive& p, const DepthRange& clamp) 
   }
   d.low = clamp.low;
   d.high = clamp.high;
+  d.inside = p.minZ > d.low && p.maxZ < d.high && d.low >= 0 && d.high <= 1 && d.tame();
   return d;
 }
 
@@ -364,6 +366,11 @@ void Visibility::block(uint32_t x, uint32_t y, const uint16_t* given) {
     return;
   }
   testBlock(n, masks);
+}
+
+void Visibility::blocks(uint32_t tileX, uint32_t tileY, const BlockList& list) {
+  if (takeBlocks_ && test_.test && !maskedOut_) takeBlocks_(*this, list);
+  else BlockSink::blocks(tileX, tileY, list);
 }
 
 bool Visibility::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {

@@ -53,7 +53,8 @@ class Visibility final : public BlockSink {
     uint32_t masks;
   };
 
-  explicit Visibility(bool hiZ = true) : hiZ_(hiZ), kernels_(depthKernels()) {}
+  //! `vectors`: with functions of the processor's own, where there are such. Tests compare with those that run everywhere.
+  explicit Visibility(bool hiZ = true, bool vectors = true) : hiZ_(hiZ), vectors_(vectors), kernels_(vectors ? depthKernels() : plainDepthKernels()) {}
 
   //! Nothing is known of the tile, nothing pending. (tileX, tileY) counted in tiles.
   void begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const DepthMemory& depth, bool exact);
@@ -99,6 +100,7 @@ class Visibility final : public BlockSink {
 
   void block(uint32_t x, uint32_t y, const uint16_t* masks) override;
   bool square(uint32_t x, uint32_t y, uint32_t size, bool whole) override;
+  void blocks(uint32_t tileX, uint32_t tileY, const BlockList& list) override;
 
   uint64_t drawPassed = 0;   //!< samples since it was last set to zero (occlusion queries)
   VisibilityCounters counters;
@@ -118,7 +120,7 @@ class Visibility final : public BlockSink {
     return memory_.base + sample * memory_.samplePitch +
            (size_t(blockY(block) >> 2) * memory_.rowElements + size_t(blockX(block)) * 4) * depthBytes(memory_.kind);
   }
-  uint16_t* winnersOf(uint32_t block, uint32_t sample) { return winners_.data() + (size_t(block) * samples_ + sample) * 16; }
+  uint16_t* winnersOf(uint32_t block, uint32_t sample) { return winners_[size_t(block) * samples_ + sample].of; }
   uint16_t number();               // of the primitive at hand, plus one
   void own(uint32_t block);        // it takes all of the block
   void mark(uint32_t block, const uint16_t* passed);
@@ -130,7 +132,13 @@ class Visibility final : public BlockSink {
   KeyBounds tileBounds();
   void splitBlock(uint32_t block);
 
-  const bool hiZ_;
+  //! block() for all of a list, where depth is tested and no sample masked out (visible_blocks.cpp).
+  using TakeBlocks = void (*)(Visibility&, const BlockList&);
+  static TakeBlocks takeBlocksFor(DepthKind kind, uint32_t samples);
+  template <DepthKind kind, bool one>
+  static void takeBlocks(Visibility& v, const BlockList& list);
+
+  const bool hiZ_, vectors_;
   const DepthKernels& kernels_;
   bool exact_ = false;
   uint32_t tileX_ = 0, tileY_ = 0, samples_ = 1;
@@ -146,7 +154,11 @@ class Visibility final : public BlockSink {
   alignas(64) uint16_t source_[kBlocksPerTile];
   alignas(64) uint16_t owner_[kBlocksPerTile];
   uint64_t virtual_[kWords] = {}, pending_[kWords] = {};
-  std::vector<uint16_t> winners_;
+  struct Sixteen {
+    alignas(32) uint16_t of[16];
+  };
+  std::vector<Sixteen> winners_;
+  TakeBlocks takeBlocks_ = nullptr;   // of the tile's kind of depth and number of samples
 
   std::vector<Entry> entries_;
   std::vector<Item> items_, sorted_;

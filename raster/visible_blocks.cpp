@@ -1,0 +1,116 @@
+// Visibility::block() for lists of blocks, with AVX2: the tests and the bookkeeping of all of a primitive's blocks in one function.
+#include <bit>
+
+#include "raster/depth_avx2.h"
+#include "raster/visibility.h"
+
+namespace pumice::raster {
+
+#if defined(__x86_64__)
+#pragma GCC push_options
+#pragma GCC target("avx2,fma,popcnt")
+
+namespace {
+//! Sixteen numbers: `number` where the mask is set.
+inline __attribute__((always_inline)) void putWhere(uint16_t* numbers, uint32_t mask, uint16_t number) {
+  const __m256i bits = _mm256_setr_epi16(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, -32768);
+  const __m256i chosen = _mm256_cmpeq_epi16(_mm256_and_si256(_mm256_set1_epi16(int16_t(mask)), bits), bits);
+  __m256i* at = reinterpret_cast<__m256i*>(numbers);
+  _mm256_store_si256(at, _mm256_blendv_epi8(_mm256_load_si256(at), _mm256_set1_epi16(int16_t(number)), chosen));
+}
+}  // namespace
+
+template <DepthKind kind, bool one>
+void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
+  const uint32_t samples = one ? 1 : v.samples_;
+  const VkCompareOp compare = v.test_.compare;
+  const bool write = v.test_.write, hiZ = v.hiZ_;
+  const KeyBounds own = v.own_;
+  BlockSamples at{samples, v.placeX_, v.placeY_, 0, 0, nullptr, v.memory_.samplePitch};
+  uint64_t fragments = 0, tested = 0, rejected = 0, won = 0;
+  for (uint32_t i = 0; i < list.count; i++) {
+    const uint32_t n = list.numbers[i];
+    const uint16_t* masks = list.masks + i * samples;
+    uint32_t any = masks[0], every = masks[0], count = uint32_t(__builtin_popcount(masks[0]));
+    for (uint32_t s = 1; s < samples; s++) {
+      any |= masks[s];
+      every &= masks[s];
+      count += uint32_t(__builtin_popcount(masks[s]));
+    }
+    fragments += uint32_t(__builtin_popcount(any));
+    tested += count;
+    const KeyBounds stored{v.low_[n], v.high_[n]};
+    if (every == 0xffff) {
+      if (hiZ && v.tame_) {
+        const KeyBounds mine = v.kernels_.bounds(v.equation_, kind, v.placesOf(blockX(n), blockY(n), 4));
+        const Outcome outcome = compareBounds(compare, mine, stored);
+        if (outcome == Outcome::Fails) {
+          rejected += count;
+          continue;
+        }
+        if (outcome == Outcome::Passes) {
+          v.own(n);
+          if (!write) continue;
+          v.source_[n] = v.number();
+          v.virtual_[n >> 6] |= uint64_t(1) << (n & 63);
+          v.setBounds(n, mine);
+          continue;
+        }
+      }
+    } else if (hiZ && compareBounds(compare, own, stored) == Outcome::Fails) {
+      rejected += count;
+      continue;
+    }
+    if (v.source_[n] != kMemory) v.makeReal(n);
+    at.blockX = float(int(blockX(n)));
+    at.blockY = float(int(blockY(n)));
+    at.memory = v.depthOf(n, 0);
+    uint16_t passed[16];
+    KeyBounds after;
+    depth_avx2::testKind<kind, one>(v.equation_, compare, write, at, masks, passed, after);
+    v.setBounds(n, after);
+
+    uint32_t passes = uint32_t(__builtin_popcount(passed[0]));
+    every = passed[0];
+    for (uint32_t s = 1; s < samples; s++) {
+      passes += uint32_t(__builtin_popcount(passed[s]));
+      every &= passed[s];
+    }
+    if (!passes) continue;
+    won += passes;
+    if (!v.shaded_) continue;
+    const uint16_t number = v.number();
+    if (every == 0xffff) {
+      v.owner_[n] = number;
+      v.pending_[n >> 6] |= uint64_t(1) << (n & 63);
+      continue;
+    }
+    if (v.owner_[n] != kMixed) v.splitBlock(n);
+    uint16_t* winners = v.winnersOf(n, 0);
+    for (uint32_t s = 0; s < samples; s++) putWhere(winners + 16 * s, passed[s], number);
+  }
+  v.counters.fragments += fragments;
+  v.counters.tested += tested;
+  v.counters.rejected += rejected;
+  v.counters.passed += won;
+  v.drawPassed += won;
+  if (v.shaded_) v.runPassed_ += won;
+}
+
+#pragma GCC pop_options
+#endif
+
+Visibility::TakeBlocks Visibility::takeBlocksFor([[maybe_unused]] DepthKind kind, [[maybe_unused]] uint32_t samples) {
+#if defined(__x86_64__)
+  static const bool fits = &depthKernels() != &plainDepthKernels() && __builtin_cpu_supports("popcnt");
+  if (!fits) return nullptr;
+  switch (kind) {
+    case DepthKind::Float32: return samples == 1 ? takeBlocks<DepthKind::Float32, true> : takeBlocks<DepthKind::Float32, false>;
+    case DepthKind::Unorm16: return samples == 1 ? takeBlocks<DepthKind::Unorm16, true> : takeBlocks<DepthKind::Unorm16, false>;
+    case DepthKind::Unorm24: return samples == 1 ? takeBlocks<DepthKind::Unorm24, true> : takeBlocks<DepthKind::Unorm24, false>;
+  }
+#endif
+  return nullptr;
+}
+
+}  // namespace pumice::raster
