@@ -224,6 +224,37 @@ void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte
   if (!apart) pending_[block] = 15;
 }
 
+// The usual of settled draws, without what only others need.
+void QuadRow::addSettled(uint32_t block, const uint16_t* masks, const std::byte* record) {
+  const uint32_t x = raster::blockX(block), y = raster::blockY(block), mask = masks[0];
+  if (samples_ != 1) return add(tileX_ * raster::kTileSize + x, tileY_ * raster::kTileSize + y, masks, record, true);
+  const uint32_t column = tileX_ * (raster::kTileSize / 4) + x / 4, row = tileY_ * (raster::kTileSize / 4) + y / 4;
+  const Float4 x4 = all4(float(int(x))), y4 = all4(float(int(y)));
+  uint32_t n = count_;
+  oneRecord_ = n == 0 || (oneRecord_ && record == quadRecords_[0]);
+  uint32_t here = mask | mask >> 1;
+  here = (here | here >> 2) & 0x1111;
+  for (; here; here &= here - 1) {
+    if (n == kQuads) {
+      count_ = n;
+      flush();
+      n = 0;
+      oneRecord_ = true;
+    }
+    const uint32_t first = uint32_t(std::countr_zero(here)), lanes = mask >> first & 15;   // of the quad in its block
+    blocks_[n] = uint8_t(block);
+    quadRecords_[n] = record;
+    active_[n >> 4] |= uint64_t(helpers_ ? 15 : lanes) << (n * 4 & 63);
+    store4(x_ + n * 4, x4 + load4<Float4>(kPlaceX + first));
+    store4(y_ + n * 4, y4 + load4<Float4>(kPlaceY + first));
+    store4(coverage_ + n * 4, load4<Word4>(kLaneWords.words[lanes]));
+    elements_[0][n] = row * pitches_[0] + column * 16 + first;
+    for (uint32_t p = 1; p < pitchCount_; ++p) elements_[p][n] = row * pitches_[p] + column * 16 + first;
+    ++n;
+  }
+  count_ = n;
+}
+
 void QuadRow::flush() {
   if (!count_) return;
   interp::ExecContext context;

@@ -28,6 +28,8 @@ class QuadRow {
   //! Adds the covered quads of a block (pixels of the framebuffer, one quad-major mask per sample). Each pixel sees its fragments in
   //! order: a row runs before a quad comes again. `apart`: no pixel ever comes twice, so that need not be looked at.
   void add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte* record, bool apart);
+  //! The same for what a settled draw won of a block of the tile at hand: no pixel ever comes twice.
+  void addSettled(uint32_t block, const uint16_t* masks, const std::byte* record);
   void flush();
   //! The same for blocks [first, first + count) of the tile, multiples of kBlocks, all covered: they are rows of their own and run at
   //! once. False: nothing was done, the draw has no routine for such rows (yet).

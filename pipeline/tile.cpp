@@ -247,12 +247,10 @@ void TileWorker::settle() {
         if (next.entry != item.entry || next.blocks == 1 || next.block != item.block + blocks) break;
       }
       if (row_.addWholeRows(item.block, blocks, e.record, true)) continue;
-      for (uint32_t n = item.block; n < item.block + blocks; ++n)
-        row_.add(tileX_ * raster::kTileSize + raster::blockX(n), tileY_ * raster::kTileSize + raster::blockY(n), winners.masks + item.masks, e.record, true);
+      for (uint32_t n = item.block; n < item.block + blocks; ++n) row_.addSettled(n, winners.masks + item.masks, e.record);
       continue;
     }
-    row_.add(tileX_ * raster::kTileSize + raster::blockX(item.block), tileY_ * raster::kTileSize + raster::blockY(item.block),
-             winners.masks + item.masks, e.record, true);
+    row_.addSettled(item.block, winners.masks + item.masks, e.record);
   }
   row_.setDraw(nullptr);
 }

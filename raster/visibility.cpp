@@ -109,6 +109,7 @@ void Visibility::begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const D
   }
   winners_.resize(std::max(winners_.size(), size_t(kBlocksPerTile) * samples_));
   takeBlocks_ = vectors_ && depth.base ? takeBlocksFor(depth.kind, samples_) : nullptr;
+  takeMixed_ = vectors_ ? takeMixedFor(samples_) : takeMixed;
   std::fill(std::begin(source_), std::end(source_), kMemory);
   std::fill(std::begin(owner_), std::end(owner_), kNone);
   std::fill(std::begin(virtual_), std::end(virtual_), 0);
@@ -439,12 +440,36 @@ void Visibility::ownedBlocks(uint64_t (&out)[kWords]) const {
   }
 }
 
+// Winners of a block that several have parts of: items, and `samples` masks for each.
+uint32_t Visibility::takeMixed(const Sixteen* winners, uint32_t samples, Item* items, uint16_t* masks) {
+  uint32_t left[16], count = 0;
+  for (uint32_t s = 0; s < samples; s++) left[s] = 0xffffu & ~equalTo(winners[s].of, kNone);
+  for (uint32_t s = 0; s < samples; s++)
+    while (left[s]) {
+      const uint16_t winner = winners[s].of[std::countr_zero(left[s])];
+      items[count++].entry = uint16_t(winner - 1);
+      for (uint32_t t = 0; t < samples; t++) {
+        const uint32_t mask = left[t] & equalTo(winners[t].of, winner);   // nothing of the samples that are done with
+        left[t] &= ~mask;
+        *masks++ = uint16_t(mask);
+      }
+    }
+  return count;
+}
+
 Visibility::Winners Visibility::takeWinners() {
-  items_.clear();
-  masks_.clear();
+  size_t items = 0, masks = 0;
   uint64_t kept = 0;
-  const auto put = [&](uint32_t block, uint16_t winner, uint32_t blocks = 1) {
-    items_.push_back({uint16_t(winner - 1), uint8_t(block), uint8_t(blocks), uint32_t(masks_.size())});
+  const size_t most = size_t(16) * samples_;   // items of a block
+  const auto reserve = [&] {
+    if (items + most > items_.size()) items_.resize(2 * items_.size() + most);
+    if (masks + most * samples_ > masks_.size()) masks_.resize(2 * masks_.size() + most * samples_);
+  };
+  const auto put = [&](uint32_t block, uint16_t winner, uint32_t blocks) {
+    reserve();
+    items_[items++] = {uint16_t(winner - 1), uint8_t(block), uint8_t(blocks), uint32_t(masks)};
+    for (uint32_t s = 0; s < samples_; s++) masks_[masks++] = 0xffff;
+    kept += uint64_t(blocks) * 16 * samples_;
   };
   for (uint32_t first = 0; first < kBlocksPerTile; first += 8) {
     uint64_t& word = pending_[first >> 6];
@@ -453,44 +478,36 @@ Visibility::Winners Visibility::takeWinners() {
     word &= ~(uint64_t(0xff) << (first & 63));
     std::fill_n(owner_ + first, 8, kNone);
     put(first, owner, 8);
-    for (uint32_t s = 0; s < samples_; s++) masks_.push_back(0xffff);
-    kept += 8 * 16 * samples_;
   }
   takeBits(pending_, [&](uint32_t block) {
     const uint16_t owner = std::exchange(owner_[block], kNone);
     if (owner != kMixed) {
-      put(block, owner);
-      for (uint32_t s = 0; s < samples_; s++) masks_.push_back(0xffff);
-      kept += 16 * samples_;
+      put(block, owner, 1);
       return;
     }
-    uint32_t left[16];
-    for (uint32_t s = 0; s < samples_; s++) left[s] = 0xffffu & ~equalTo(winnersOf(block, s), kNone);
-    for (uint32_t s = 0; s < samples_; s++)
-      while (left[s]) {
-        const uint16_t winner = winnersOf(block, s)[std::countr_zero(left[s])];
-        put(block, winner);
-        for (uint32_t t = 0; t < s; t++) masks_.push_back(0);   // these are done with
-        for (uint32_t t = s; t < samples_; t++) {
-          const uint32_t mask = left[t] & equalTo(winnersOf(block, t), winner);
-          left[t] &= ~mask;
-          masks_.push_back(uint16_t(mask));
-        }
-        kept += countBits(masks_.data() + items_.back().masks, samples_);
-      }
+    reserve();
+    const uint32_t count = takeMixed_(&winners_[size_t(block) * samples_], samples_, items_.data() + items, masks_.data() + masks);
+    for (uint32_t i = 0; i < count; i++, items++) {
+      Item& item = items_[items];
+      item.block = uint8_t(block);
+      item.blocks = 1;
+      item.masks = uint32_t(masks);
+      kept += countBits(masks_.data() + masks, samples_);
+      masks += samples_;
+    }
   });
   counters.hidden += std::exchange(runPassed_, 0) - kept;
-  if (groups_ > 1) {
+  const bool sort = groups_ > 1;
+  if (sort) {
     // Stable: blocks stay in their order.
     groupStart_.assign(groups_ + 1, 0);
-    for (const Item& i : items_) groupStart_[entries_[i.entry].group + 1]++;
+    for (size_t i = 0; i < items; i++) groupStart_[entries_[items_[i].entry].group + 1]++;
     for (uint32_t g = 0; g < groups_; g++) groupStart_[g + 1] += groupStart_[g];
-    sorted_.resize(items_.size());
-    for (const Item& i : items_) sorted_[groupStart_[entries_[i.entry].group]++] = i;
-    items_.swap(sorted_);
+    if (sorted_.size() < items) sorted_.resize(items_.size());
+    for (size_t i = 0; i < items; i++) sorted_[groupStart_[entries_[items_[i].entry].group]++] = items_[i];
   }
   groups_ = user_ ? 1 : 0;
-  return {items_, masks_.data()};
+  return {{sort ? sorted_.data() : items_.data(), items}, masks_.data()};
 }
 
 // ---- other draws

@@ -110,6 +110,9 @@ class Visibility final : public BlockSink {
   static constexpr uint16_t kNone = 0, kMixed = 0xffff;      // owners
   static constexpr uint16_t kMemory = 0, kClear = 0xffff;    // where depth is
   static constexpr uint32_t kWords = kBlocksPerTile / 64;
+  struct Sixteen {
+    alignas(32) uint16_t of[16];
+  };
 
   DepthEquation equation(const Primitive& primitive, const DepthRange& clamp) const;
   KeyBounds keyRange(const DepthEquation& d, float low, float high) const;
@@ -137,6 +140,12 @@ class Visibility final : public BlockSink {
   static TakeBlocks takeBlocksFor(DepthKind kind, uint32_t samples);
   template <DepthKind kind, bool one>
   static void takeBlocks(Visibility& v, const BlockList& list);
+  //! Entries of the items, and masks, of a block that several have parts of; at most 16 items for each sample.
+  using TakeMixed = uint32_t (*)(const Sixteen* winners, uint32_t samples, Item* items, uint16_t* masks);
+  static uint32_t takeMixed(const Sixteen* winners, uint32_t samples, Item* items, uint16_t* masks);
+  template <bool one>
+  static uint32_t takeMixedAvx2(const Sixteen* winners, uint32_t samples, Item* items, uint16_t* masks);
+  static TakeMixed takeMixedFor(uint32_t samples);
 
   const bool hiZ_, vectors_;
   const DepthKernels& kernels_;
@@ -154,14 +163,12 @@ class Visibility final : public BlockSink {
   alignas(64) uint16_t source_[kBlocksPerTile];
   alignas(64) uint16_t owner_[kBlocksPerTile];
   uint64_t virtual_[kWords] = {}, pending_[kWords] = {};
-  struct Sixteen {
-    alignas(32) uint16_t of[16];
-  };
   std::vector<Sixteen> winners_;
   TakeBlocks takeBlocks_ = nullptr;   // of the tile's kind of depth and number of samples
+  TakeMixed takeMixed_ = nullptr;
 
   std::vector<Entry> entries_;
-  std::vector<Item> items_, sorted_;
+  std::vector<Item> items_, sorted_;   // room; takeWinners() says how many
   std::vector<uint16_t> masks_;
   std::vector<uint32_t> groupStart_;
   uint32_t groups_ = 0;            // draws whose winners may be pending

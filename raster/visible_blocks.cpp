@@ -18,7 +18,45 @@ inline __attribute__((always_inline)) void putWhere(uint16_t* numbers, uint32_t 
   __m256i* at = reinterpret_cast<__m256i*>(numbers);
   _mm256_store_si256(at, _mm256_blendv_epi8(_mm256_load_si256(at), _mm256_set1_epi16(int16_t(number)), chosen));
 }
+
+//! Where sixteen numbers are equal to `number`.
+inline __attribute__((always_inline)) uint32_t equalTo(__m256i numbers, uint16_t number) {
+  const __m256i equal = _mm256_cmpeq_epi16(numbers, _mm256_set1_epi16(int16_t(number)));
+  return uint32_t(_mm_movemask_epi8(_mm_packs_epi16(_mm256_castsi256_si128(equal), _mm256_extracti128_si256(equal, 1))));
+}
 }  // namespace
+
+template <bool one>
+uint32_t Visibility::takeMixedAvx2(const Sixteen* winners, uint32_t samples, Item* items, uint16_t* masks) {
+  const auto load = [&](uint32_t s) __attribute__((always_inline)) { return _mm256_load_si256(reinterpret_cast<const __m256i*>(winners[s].of)); };
+  uint32_t count = 0;
+  if (one) {
+    const __m256i numbers = load(0);
+    for (uint32_t left = 0xffff & ~equalTo(numbers, kNone); left;) {
+      const uint16_t winner = winners[0].of[std::countr_zero(left)];
+      const uint32_t mask = equalTo(numbers, winner);
+      items[count].entry = uint16_t(winner - 1);
+      masks[count++] = uint16_t(mask);
+      left &= ~mask;
+    }
+    return count;
+  }
+  uint32_t left[16];
+  for (uint32_t s = 0; s < samples; s++) left[s] = 0xffff & ~equalTo(load(s), kNone);
+  for (uint32_t s = 0; s < samples; s++)
+    while (left[s]) {
+      const uint16_t winner = winners[s].of[std::countr_zero(left[s])];
+      items[count++].entry = uint16_t(winner - 1);
+      for (uint32_t t = 0; t < s; t++) masks[t] = 0;
+      for (uint32_t t = s; t < samples; t++) {
+        const uint32_t mask = equalTo(load(t), winner);   // never taken before
+        left[t] &= ~mask;
+        masks[t] = uint16_t(mask);
+      }
+      masks += samples;
+    }
+  return count;
+}
 
 template <DepthKind kind, bool one>
 void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
@@ -100,10 +138,27 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
 #pragma GCC pop_options
 #endif
 
+namespace {
+bool fits() {
+#if defined(__x86_64__)
+  static const bool does = &depthKernels() != &plainDepthKernels() && __builtin_cpu_supports("popcnt");
+  return does;
+#else
+  return false;
+#endif
+}
+}  // namespace
+
+Visibility::TakeMixed Visibility::takeMixedFor([[maybe_unused]] uint32_t samples) {
+#if defined(__x86_64__)
+  if (fits()) return samples == 1 ? takeMixedAvx2<true> : takeMixedAvx2<false>;
+#endif
+  return takeMixed;
+}
+
 Visibility::TakeBlocks Visibility::takeBlocksFor([[maybe_unused]] DepthKind kind, [[maybe_unused]] uint32_t samples) {
 #if defined(__x86_64__)
-  static const bool fits = &depthKernels() != &plainDepthKernels() && __builtin_cpu_supports("popcnt");
-  if (!fits) return nullptr;
+  if (!fits()) return nullptr;
   switch (kind) {
     case DepthKind::Float32: return samples == 1 ? takeBlocks<DepthKind::Float32, true> : takeBlocks<DepthKind::Float32, false>;
     case DepthKind::Unorm16: return samples == 1 ? takeBlocks<DepthKind::Unorm16, true> : takeBlocks<DepthKind::Unorm16, false>;
