@@ -220,13 +220,18 @@ void PlaneBuilder::depthRange(const ClipVertex* polygon, uint32_t count, double&
   }
 }
 
+std::optional<double> PlaneBuilder::biasUnit() const {
+  const DepthUnit* unit = state_.depthBiasEnable ? depthUnit(state_.depthFormat) : nullptr;
+  return unit ? std::optional(unit->unit) : std::nullopt;
+}
+
 double PlaneBuilder::depthOffset(const ClipVertex* polygon, uint32_t count, const Plane& depth) const {
-  const DepthUnit* unit = depthUnit(state_.depthFormat);
-  if (!state_.depthBiasEnable || !unit) return 0;
+  const std::optional<double> unit = biasUnit();
+  if (!unit) return 0;
   double low, high;
   depthRange(polygon, count, low, high);
   const double largest = std::max(std::fabs(low), std::fabs(high));
-  double r = unit->unit;
+  double r = *unit;
   if (r == 0 && largest > 0 && std::isfinite(largest)) r = std::ldexp(1.0, std::max(std::ilogb(largest), -126) - 23);
   // The specification allows max() for the slope's length, and it is what others use.
   const double slope = std::max(std::fabs(depth.dx), std::fabs(depth.dy));

@@ -7,6 +7,8 @@
 // interpolates between the vertices' values.
 #pragma once
 
+#include <optional>
+
 #include "raster/clip.h"
 
 namespace pumice::raster {
@@ -53,6 +55,8 @@ class PlaneBuilder {
   //! Values that are the same everywhere, but for PointCoord: a point of `size` pixels about (x, y).
   bool fromPoint(const SetupVertex& own, uint32_t provokingSlot, double x, double y, double size, PlaneSet& set);
 
+  //! The unit of the constant depth bias; 0: that of the largest depth as a float. None: nothing is biased.
+  std::optional<double> biasUnit() const;
   //! What the depth bias adds to a polygon with these corners and this plane of depth.
   double depthOffset(const ClipVertex* polygon, uint32_t count, const Plane& depth) const;
   //! Adds an offset to depths and finds bounds of depth that hold for every value the fragment routine may compute, from the visible

@@ -450,12 +450,13 @@ void setupPrimitives(const SetupState& state, const VertexOutputs& vertices, std
   // corners(i, take) calls take(slots, provoking corner) with those of triangle i.
   const auto triangles = [&](size_t count, const auto& corners) {
     size_t i = 0;
-    if (count >= 4 && context.takesFour(slots)) {
+    if (count >= 2 && context.takesFour(slots)) {
       SetupContext::Four four;
-      for (; i + 4 <= count; i += 4, id += 4) {
-        for (uint32_t k = 0; k < 4; k++) corners(i + k, [&](const uint32_t(&s)[3], uint32_t provoking) { four.set(k, s, provoking); });
+      for (; i + 2 <= count; i += 4, id += 4) {
+        for (uint32_t k = 0; k < 4; k++)
+          corners(std::min(i + k, count - 1), [&](const uint32_t(&s)[3], uint32_t provoking) { four.set(k, s, provoking); });
         four.findConsecutive();
-        context.four(four, id);
+        context.four(four, uint32_t(std::min<size_t>(count - i, 4)), id);
       }
     }
     for (; i < count; i++) corners(i, [&](const uint32_t(&s)[3], uint32_t provoking) { context.triangle(s, provoking, id++); });

@@ -42,7 +42,7 @@ class SetupContext {
                SetupCounters& counters);
 
   void triangle(const uint32_t (&slots)[3], uint32_t provoking, uint32_t primitiveId);
-  //! Four triangles in a row: slots by corner and triangle; which corner is the provoking one, and its slot.
+  //! Up to four triangles in a row: slots by corner and triangle; which corner is the provoking one, and its slot.
   struct Four {
     uint32_t slots[3][4];
     uint8_t provokingCorner[4];
@@ -60,8 +60,8 @@ class SetupContext {
   };
   //! Whether four() may be called in this draw, with these slots.
   bool takesFour(std::span<const uint32_t> slots) const { return fourAtOnce() && !state_.singly && plain() && allSlotsExist(slots); }
-  //! Does what triangle() would do with each, in order, to the bit. firstId: of the first.
-  void four(const Four& four, uint32_t firstId);
+  //! Does what triangle() would do with each of the first `count`, in order, to the bit. firstId: of the first. The others must have slots, too.
+  void four(const Four& four, uint32_t count, uint32_t firstId);
   void line(const uint32_t (&slots)[2], uint32_t provoking, uint32_t primitiveId);
   void point(uint32_t slot, uint32_t primitiveId);
 

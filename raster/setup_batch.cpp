@@ -30,7 +30,7 @@ bool fourAtOnce() {
 }
 
 bool SetupContext::plain() const {
-  bool plain = state_.polygonMode == VK_POLYGON_MODE_FILL && !choosesView_ && !userClips_ && !vertices_.wideRows && !state_.depthBiasEnable;
+  bool plain = state_.polygonMode == VK_POLYGON_MODE_FILL && !choosesView_ && !userClips_ && !vertices_.wideRows;
   for (const Varying& v : state_.varyings) plain &= v.mode != VaryingMode::Flat || int32_t(v.vertexRow) != vertices_.decisionRow;
   return plain;
 }
@@ -105,6 +105,24 @@ struct Planes {
   __m256d dx, dy, origin;
 };
 
+//! PlaneBuilder::depthOffset of planes, and of polygons between these depths.
+PUMICE_INLINE __m256d depthOffsets(const SetupState& state, double unit, __m256d low, __m256d high, const Planes& depth) {
+  __m256d r = _mm256_set1_pd(unit);
+  if (unit == 0) {   // 2 to the power of (the exponent of the largest depth, at least -126) - 23
+    const __m256d largest = _mm256_max_pd(absolute(high), absolute(low));
+    const __m256i exponent = _mm256_max_epi32(_mm256_srli_epi64(_mm256_castpd_si256(largest), 52), _mm256_set1_epi64x(1023 - 126));
+    const __m256d power = _mm256_castsi256_pd(_mm256_slli_epi64(_mm256_sub_epi64(exponent, _mm256_set1_epi64x(23)), 52));
+    r = _mm256_and_pd(power, _mm256_and_pd(_mm256_cmp_pd(largest, _mm256_setzero_pd(), _CMP_GT_OQ), finite(largest, largest)));
+  }
+  const __m256d slope = _mm256_max_pd(absolute(depth.dy), absolute(depth.dx));
+  __m256d offset = _mm256_add_pd(_mm256_mul_pd(_mm256_set1_pd(double(state.depthBiasSlope)), slope),
+                                 _mm256_mul_pd(_mm256_set1_pd(double(state.depthBiasConstant)), r));
+  const __m256d clamp = _mm256_set1_pd(double(state.depthBiasClamp));
+  if (state.depthBiasClamp > 0) offset = _mm256_min_pd(clamp, offset);
+  if (state.depthBiasClamp < 0) offset = _mm256_max_pd(clamp, offset);
+  return _mm256_and_pd(offset, finite(offset, offset));
+}
+
 //! What the values at three corners are multiplied with.
 struct Gradients {
   __m256d ax, bx, ay, by, x0, y0;
@@ -169,7 +187,7 @@ bool SetupContext::allSlotsExist(std::span<const uint32_t> slots) const {
   return all;
 }
 
-void SetupContext::four(const Four& four, uint32_t firstId) {
+void SetupContext::four(const Four& four, uint32_t count, uint32_t firstId) {
   const ViewTransform& transform = view_->transform;
   const bool consecutive = four.consecutive;
   const __m256d zero = _mm256_setzero_pd(), one = _mm256_set1_pd(1);
@@ -203,8 +221,9 @@ void SetupContext::four(const Four& four, uint32_t firstId) {
       sy[k] = _mm256_cvtpd_epi32(_mm256_mul_pd(y[k], subpixels));
     }
   }
-  uint32_t left = bits(good);
-  uint32_t special = left ^ 15;    // for triangle()
+  const uint32_t given = (1u << count) - 1;
+  uint32_t left = bits(good) & given;
+  uint32_t special = left ^ given;   // for triangle()
   counters_.input += uint32_t(std::popcount(left));
   const auto drop = [&](uint32_t which, uint64_t& counter) __attribute__((always_inline)) {
     counter += uint32_t(std::popcount(left & which));
@@ -305,17 +324,19 @@ void SetupContext::four(const Four& four, uint32_t firstId) {
     depth.dy = _mm256_mul_pd(depth.dy, scaleZ);
     depth.origin = _mm256_add_pd(_mm256_mul_pd(depth.origin, scaleZ), offsetZ);
     __m256d usual = _mm256_and_pd(finite(depth.dx, depth.dy), finite(depth.origin, inverse));   // the area is not zero
-    depth.origin = _mm256_add_pd(depth.origin, zero);   // no bias
 
-    // finishDepth()
+    // depthOffset() and finishDepth()
     __m256d low = _mm256_set1_pd(std::numeric_limits<double>::infinity()), high = _mm256_set1_pd(-std::numeric_limits<double>::infinity());
     for (int k = 0; k < 3; k++) {
       const __m256d corner = _mm256_add_pd(_mm256_mul_pd(_mm256_div_pd(z[k], w[k]), scaleZ), offsetZ);
       low = _mm256_min_pd(corner, low);
       high = _mm256_max_pd(corner, high);
     }
-    low = _mm256_add_pd(low, zero);
-    high = _mm256_add_pd(high, zero);
+    const std::optional<double> biasUnit = planes_.biasUnit();
+    const __m256d offset = biasUnit ? depthOffsets(state_, *biasUnit, low, high, depth) : zero;
+    depth.origin = _mm256_add_pd(depth.origin, offset);
+    low = _mm256_add_pd(low, offset);
+    high = _mm256_add_pd(high, offset);
     const __m256d gradient = _mm256_add_pd(absolute(depth.dx), absolute(depth.dy));
     const __m256d largest = _mm256_add_pd(_mm256_max_pd(absolute(high), absolute(low)), _mm256_mul_pd(gradient, _mm256_set1_pd(kGridCell + 1)));
     const __m256d margin = _mm256_add_pd(_mm256_mul_pd(gradient, _mm256_set1_pd(kReachPixels)), _mm256_mul_pd(largest, _mm256_set1_pd(0x1p-21)));
@@ -465,7 +486,7 @@ void SetupContext::four(const Four& four, uint32_t firstId) {
 #pragma GCC pop_options
 #else
 bool SetupContext::allSlotsExist(std::span<const uint32_t>) const { return false; }
-void SetupContext::four(const Four&, uint32_t) {}
+void SetupContext::four(const Four&, uint32_t, uint32_t) {}
 #endif
 
 }  // namespace pumice::raster

@@ -146,8 +146,8 @@ TEST_P(Batch, RandomTriangles) {
       if ((switches >> 11 & 3) == 0) {
         d.state.depthBiasEnable = true;
         d.state.depthBiasConstant = 3;
-        d.state.depthBiasSlope = 0.5f;
-        d.state.depthBiasClamp = switches >> 13 & 1 ? 0.01f : 0;
+        d.state.depthBiasSlope = switches >> 18 & 1 ? 0.5f : -2;
+        d.state.depthBiasClamp = switches >> 13 & 1 ? switches >> 17 & 1 ? 0.01f : -0.01f : 0;
         if (switches >> 14 & 1) d.state.depthFormat = VK_FORMAT_D16_UNORM;
       }
       if (switches >> 15 & 1) d.state.viewport = {-3.25f, 7.5f, 211.5f, -99.75f, 0.875f, 0.125f};
@@ -159,7 +159,8 @@ TEST_P(Batch, RandomTriangles) {
       }
     });
     const float radius = std::exp2(vertices.in(-2, 6));
-    const uint32_t strange = random() % 3 ? 1000000 : 20, snapped = random() % 3 ? 50 : 2, count = 4 + random() % 700;
+    const uint32_t strange = random() % 3 ? 1000000 : 20, snapped = random() % 3 ? 50 : 2,
+                   count = random() % 5 ? 4 + random() % 700 : 3 + random() % 12;
     float x = 0, y = 0;
     for (uint32_t i = 0; i < count; i++) {
       if (i % 3 == 0 && (topology == VK_PRIMITIVE_TOPOLOGY_TRIANGLE_LIST || i % 60 == 0)) {
