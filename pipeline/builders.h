@@ -35,6 +35,8 @@ class ComputePipeline {
 base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
 base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
 VisibilityTraits visibilityTraits(const GraphicsPipeline& pipeline);
+//! False when nothing that the fragment shader does can be seen: colours that are masked, or that nobody takes.
+bool hasEffect(const GraphicsState& state, const frontend::Shader& fragment);
 base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
 //! The same from what was saved; null where there is nothing, or nothing sound.
 std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);

@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "pipeline/builders.h"
 #include "pipeline/ideas.h"
+#include "spirv_interp/ir/checks.h"
 #include "spirv_interp/ir/decisions.h"
 #include "spirv_interp/ir/one_record.h"
 
@@ -293,6 +294,16 @@ static bool seesCoverage(const frontend::Shader& shader) {
   const std::vector<ir::Inst>& insts = shader.function.insts;
   return std::any_of(insts.begin(), insts.end(), [](const ir::Inst& i) { return i.op == Op::Builtin && uint32_t(i.imm >> 32) == kSampleMask; }) ||
          std::any_of(shader.inputs.begin(), shader.inputs.end(), [](const frontend::InterfaceVariable& i) { return i.sampling == frontend::SampleLocation::Centroid; });
+}
+
+bool hasEffect(const GraphicsState& s, const frontend::Shader& shader) {
+  if (s.alphaToCoverage || s.decisions || shader.mayDiscard || shader.writesMemory || ir::wantedChecks()) return true;
+  const std::vector<uint64_t> written = writtenOutputs(shader);
+  return std::any_of(written.begin(), written.end(), [&](uint64_t imm) {
+    const frontend::InterfaceVariable& o = shader.outputs[imm >> 32];
+    const uint32_t a = place(o, uint32_t(imm)).location;
+    return o.builtIn || (a < s.colorCount && writesColor(s, a));
+  });
 }
 
 VisibilityTraits visibilityTraits(const GraphicsPipeline& p) {

@@ -84,7 +84,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   p->state = std::move(state);
   p->layout = std::move(layout);
   p->vertex = std::move(vertex);
-  if (!p->state.rasterizerDiscard) p->fragment = std::move(fragment);
+  if (!p->state.rasterizerDiscard && fragment && hasEffect(p->state, *fragment)) p->fragment = std::move(fragment);
 
   PUMICE_TRY(checkState(p->state));
   PUMICE_TRY(checkVertexInput(p->state, *p->vertex));

@@ -69,6 +69,26 @@ TEST(Statistics, DepthOnlyPassRunsNoFragmentShaderAndDropsVaryings) {
   EXPECT_EQ(c.varyingsDropped, 4u);
 }
 
+TEST(Statistics, AFragmentShaderWhoseColorsAreMaskedIsNotRun) {
+  for (bool masked : {true, false}) {
+    Scene s(64, 64, VK_FORMAT_D32_SFLOAT);
+    s.executor.collectStatistics(true);
+    GraphicsState state = s.state();
+    state.depthTest = state.depthWrite = true;
+    state.depthCompare = VK_COMPARE_OP_LESS;
+    if (masked) state.blend[0].colorWriteMask = 0;
+    auto d = s.drawState(s.pipeline(state));
+    s.begin(0, 0, 1, 1);
+    s.draw(d, rectangle(s, 0, 0, 64, 64, 0.25f, {1, 0, 0, 1}));
+    s.end();
+    const PassCounters& c = s.executor.counters();
+    EXPECT_EQ(s.depth->at<float>(5, 5, VK_IMAGE_ASPECT_DEPTH_BIT), 0.25f);
+    EXPECT_EQ(s.color.rgba(5, 5), (masked ? std::array<uint8_t, 4>{0, 0, 255, 255} : std::array<uint8_t, 4>{255, 0, 0, 255}));
+    EXPECT_EQ(c.fragmentsShaded, masked ? 0u : 64u * 64);
+    EXPECT_EQ(c.varyingsInterpolated, masked ? 0u : 4u);
+  }
+}
+
 TEST(Statistics, UnreadVaryingIsNeitherWrittenNorInterpolated) {
   Scene s(16, 16);
   auto p = s.pipeline(s.state(), R"(#version 450
