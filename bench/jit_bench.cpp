@@ -137,8 +137,8 @@ BENCHMARK_CAPTURE(cpp, scalar, loopScalar);
 BENCHMARK_CAPTURE(cpp, vectors, loopVectors<1>);
 BENCHMARK_CAPTURE(cpp, vectors_x2, loopVectors<2>);
 BENCHMARK_CAPTURE(cpp, vectors_x4, loopVectors<4>);
-BENCHMARK_CAPTURE(emission, straight, straight, true)->ArgsProduct({{200, 2000, 20000, 50000}, {8, 32}})->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(emission, shaderLike, shaderLike, true)->ArgsProduct({{200, 2000, 20000, 50000}, {8, 32}})->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(emission, straight, straight, true)->ArgsProduct({{500, 5000, 50000}, {8, 32}})->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(emission, shaderLike, shaderLike, true)->ArgsProduct({{500, 5000, 50000}, {8, 32}})->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(emission, interpreter, shaderLike, false)->Args({2000, 0})->Unit(benchmark::kMicrosecond);
 
 }  // namespace

@@ -149,7 +149,10 @@ void findVariables(const Function& f, Analysis& a) {
     if (!a.needed[v]) continue;
     // A bit cast may itself stand for its operand's row.
     const Value at = f.insts[v].op == Op::BitCast ? std::max(v, lastUse[v]) : v;
-    for (Value o : f.operands(v)) lastUse[o] = std::max(lastUse[o], std::max(loops.extend(o, v), loops.extend(o, at)));
+    for (Value o : f.operands(v)) {
+      if (loops.list.empty()) lastUse[o] = std::max(lastUse[o], at);
+      else lastUse[o] = std::max({lastUse[o], loops.extend(o, v), loops.extend(o, at)});
+    }
   }
   // Regions number from 1; `parent` of the function's is 0.
   std::vector<uint32_t> parent{0, 0}, stack{1}, home(n, 0);

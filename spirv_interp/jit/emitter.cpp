@@ -118,7 +118,9 @@ Ymm Emitter::vregLoad(uint32_t id, uint32_t part, Ymm scratch) {
 }
 Source Emitter::uniformSource(Value v) {
   if (hot_[v] >= 0 && !preamble_) return {true, uint8_t(hot_[v]), 0};
-  return mem(scalar(v));
+  if (!isConst(v)) return mem(bankMem(bankSlot(v)));
+  if (!bankSlot_[v]) bankSlot_[v] = uint32_t(poolOf(f_.type(v), f_.insts[v].imm).offsetLo32()) / kVectorBytes + 1;
+  return {false, uint8_t(pool_.id()), int32_t((bankSlot_[v] - 1) * kVectorBytes)};
 }
 Source Emitter::placeless(Value v) {
   fail(v, "has no place");

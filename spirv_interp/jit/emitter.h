@@ -219,7 +219,7 @@ class Emitter {
 
   std::unordered_map<uint64_t, uint32_t> pooled_;
   std::vector<std::pair<std::vector<uint32_t>, uint32_t>> pooledVectors_;
-  std::vector<uint32_t> bankSlot_;          // by value, + 1
+  std::vector<uint32_t> bankSlot_;          // by value, + 1; of a constant: in the pool
   uint32_t bankSlots_ = 0;
   std::vector<Range> ranges_;
   std::vector<int8_t> linear_;              // by value: mayBeLinear, -1 unknown

@@ -104,6 +104,7 @@ class Planner {
     lastUse_.assign(f_.insts.size(), 0);
     nextSet_.assign(f_.insts.size(), 0);
     std::vector<Value> set(f_.insts.size(), 0);
+    const bool loops = p_.has(Op::Loop);
     const auto extended = [&](Value def, Value at) {
       Value until = at;
       for (uint32_t l = loopOf_[at]; l && p_.regions[l].begin > def; l = loopOf_[p_.regions[l].begin]) until = p_.regions[l].end;
@@ -116,7 +117,10 @@ class Planner {
       if (i.op == Op::BitCast || i.op == Op::FNeg || i.op == Op::LShr || i.op == Op::Trunc) at = std::max(v, lastUse_[v]);   // may stand for its operand
       if (i.op == Op::If) at = p_.regions[p_.regionOf[v]].end;                      // the else looks again
       if (p_.pairSecond[v]) at = p_.pairSecond[v];
-      for (Value o : f_.operands(v)) lastUse_[o] = std::max({lastUse_[o], extended(o, v), at});
+      for (Value o : f_.operands(v)) {
+        if (!loops) lastUse_[o] = std::max(lastUse_[o], at);
+        else lastUse_[o] = std::max({lastUse_[o], extended(o, v), at});
+      }
       if (i.op == Op::VarSet) nextSet_[v] = std::exchange(set[f_.operands(v)[0]], v);
     }
   }
@@ -507,24 +511,19 @@ Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks, uint32_t regi
 }
 
 bool crossesParts(const Function& f, Value v) {
+  static constexpr auto kCrosses = [] {
+    std::array<bool, size_t(Op::kCount)> table{};
+    for (size_t op = 0; op < table.size(); op++) table[op] = !(ir::kOps[op].flags & ir::kPure);
+    for (const Op op : {Op::Select, Op::VarSet, Op::QuadSwizzle, Op::QuadDdx, Op::QuadDdy, Op::If, Op::Else, Op::Loop, Op::Block}) table[size_t(op)] = false;
+    for (const Op op : {Op::Load, Op::LoadConst, Op::TableLoad}) table[size_t(op)] = true;
+    return table;
+  }();
   const Inst& i = f.insts[v];
-  switch (i.op) {
-    case Op::Select:
-    case Op::VarSet:
-    case Op::QuadSwizzle:
-    case Op::QuadDdx:
-    case Op::QuadDdy:
-    case Op::If:
-    case Op::Else:
-    case Op::Loop:
-    case Op::Block: break;
-    default:
-      if (!(ir::opInfo(i.op).flags & ir::kPure)) return true;
-      if (i.op == Op::Load || i.op == Op::LoadConst || i.op == Op::TableLoad) return true;
-  }
+  if (kCrosses[size_t(i.op)]) return true;
+  if (i.type == Type::None) return false;
   const bool wide = ir::typeBytes(i.type) == 8;
-  for (Value o : f.operands(v))
-    if (i.type != Type::None && (ir::typeBytes(f.type(o)) == 8) != wide) return true;
+  for (Value o : f.operands(i))
+    if ((ir::typeBytes(f.type(o)) == 8) != wide) return true;
   return false;
 }
 
