@@ -116,7 +116,9 @@ void SetupContext::segment(const SetupVertex (&own)[2], const Origin& origin) {
   }
   const auto [minX, maxX] = std::minmax({low[0].x, low[1].x, high[0].x, high[1].x});
   const auto [minY, maxY] = std::minmax({low[0].y, low[1].y, high[0].y, high[1].y});
-  if (!pixels({minX, minY, maxX, maxY}, view_->bounds, p))
+  // The sides run on to the middle of a pixel before the start, at most half a pixel up or down; the edges say what is inside.
+  const int64_t beside = p.wholePixels ? kSubpixelOne / 2 : 0;
+  if (!pixels({minX - beside, minY - beside, maxX + beside, maxY + beside}, view_->bounds, p))
     return;
 
   const ScreenVertex a{ends[0].screenX(), ends[0].screenY(), ends[0]}, b{ends[1].screenX(), ends[1].screenY(), ends[1]};
