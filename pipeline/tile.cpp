@@ -125,6 +125,9 @@ void TileWorker::tile(uint32_t index) {
   if (pass_.statistics) countBytes(rect);
 
   const std::span<const raster::BinEntry> bin = pass_.bins->tile(index);
+  // Many primitives reach most blocks, each for the first time in an order that no processor foresees.
+  const bool inMemory = depthKnown_ && (pass_.loaded || pass_.pass.depthStencil.loadOp != VK_ATTACHMENT_LOAD_OP_CLEAR);
+  if (inMemory && bin.size() >= 64 * pass_.samples) visibility_.fetchDepth();
   for (size_t i = 0; i < bin.size(); ++i) {
     // Primitives lie all over the arenas of the front end: fetch them before their turn.
     constexpr size_t kFar = 10, kNear = 5;

@@ -127,6 +127,15 @@ void Visibility::forgetDepth() {
   staleSquares_ = 0xffff;
 }
 
+void Visibility::fetchDepth() const {
+  const size_t bytes = depthBytes(memory_.kind);
+  for (uint32_t s = 0; s < samples_; s++)
+    for (uint32_t row = 0; row < kTileSize / 4; row++) {
+      const std::byte* first = memory_.base + s * memory_.samplePitch + size_t(row) * memory_.rowElements * bytes;
+      for (size_t at = 0; at < kTileSize * 4 * bytes; at += 64) __builtin_prefetch(first + at);
+    }
+}
+
 void Visibility::clearDepth(const VkRect2D& r, uint32_t stored) {
   clearStored_ = stored;
   const float key = depthKey(memory_.kind, stored);

@@ -62,6 +62,8 @@ class Visibility final : public BlockSink {
   void clearDepth(const VkRect2D& inTile, uint32_t stored);
   //! The memory has been written by others.
   void forgetDepth();
+  //! Most of the tile's depth will be wanted soon.
+  void fetchDepth() const;
   //! Gives all depths to the memory.
   void materialise();
 
