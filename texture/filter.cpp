@@ -154,10 +154,35 @@ Value Filter::lerp(Value a, Value c, Value w) {
   return b_.fma(w, b_.fsub(c, a), a);
 }
 
+bool Filter::filtersHalves() const {
+  if (s_.dimensions != 2 || compare_ || s_.sampler.key.reduction != VK_SAMPLER_REDUCTION_MODE_WEIGHTED_AVERAGE) return false;
+  for (unsigned c = 0; c < 4; ++c) {
+    const Component& k = s_.format.rgba[c];
+    if (k.numeric != Numeric::Sfloat || k.bits != 16 || k.shift != 16 * c) return false;
+  }
+  return s_.format.elementBytes == 8;
+}
+
+Texel Filter::reduceHalves(const MipLevel& level, Value face, const Axis* axis) {
+  const SliceAddress slice = face ? withinSlice(s_.fields, level.slice, face, 0) : level.slice;
+  const bool tiled = isTiled(s_.image.key);
+  Value row[2], column[2];
+  for (unsigned k = 0; k < 2; ++k) {
+    row[k] = rowOffset(b_, tiled, s_.format.elementBytes, slice.rowPitch, axis[1].index[k]);
+    if (slice.offset) row[k] = b_.iadd(row[k], slice.offset);
+    column[k] = columnOffset(b_, tiled, s_.format.elementBytes, axis[0].index[k]);
+  }
+  Texel out;
+  for (unsigned c = 0; c < 4; ++c)
+    out[c] = b_.emit(Op::FilterHalves, Type::F32, {slice.base, slice.size, row[0], row[1], column[0], column[1], axis[0].weight, axis[1].weight}, c);
+  return out;
+}
+
 // Weighted sum over the corners. All are loaded first and then taken apart component by component, so that few values live at once.
 Texel Filter::reduce(const SamplePoint& p, const MipLevel& level, const Axis* axis) {
   unsigned axes = s_.dimensions;
   if (!linear_) return texel(corner(p, level, axis, 0));
+  if (filtersHalves() && !axis[0].inside[0] && !axis[1].inside[0]) return reduceHalves(level, p.face, axis);
   Corner corners[8];
   for (unsigned i = 0; i < 1u << axes; ++i) corners[i] = corner(p, level, axis, i);
   Texel out;

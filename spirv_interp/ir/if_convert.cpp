@@ -22,6 +22,7 @@ bool isCheap(const Inst& i) {
     case Op::URem:
     case Op::TableLoad:
     case Op::LoadConst:
+    case Op::FilterHalves:
     case Op::QuadLoad:
       return false;
     default:

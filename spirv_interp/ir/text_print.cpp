@@ -21,6 +21,7 @@ ImmKind immKind(Op op) {
     case Op::QuadLoad:
     case Op::Descriptor:
     case Op::TupleGet:
+    case Op::FilterHalves:
       return ImmKind::Number;
     case Op::Load:
     case Op::LoadConst:

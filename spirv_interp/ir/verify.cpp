@@ -181,6 +181,12 @@ class Verifier {
       case Op::Load:
       case Op::LoadConst:
         return address(i) && check(isSized(i.type), "needs a sized type");
+      case Op::FilterHalves: {
+        constexpr Type kTypes[] = {Type::I64, Type::I64, Type::I32, Type::I32, Type::I32, Type::I32, Type::F32, Type::F32};
+        for (unsigned k = 0; k < std::size(kTypes); ++k)
+          if (type(i, k) != kTypes[k]) return fail("operand of the wrong type");
+        return check(i.type == Type::F32, "result must be f32");
+      }
       case Op::Store:
         return address(i) && check(isSized(type(i, 3)), "needs a sized value");
       case Op::Atomic:
@@ -247,6 +253,8 @@ class Verifier {
         return check((i.imm & 0xffff) + typeBytes(i.op == Op::TileLoad ? i.type : type(i, 0)) <=
                          (i.imm >> 16 & 0xffff),
                      "value outside the plane's element");
+      case Op::FilterHalves:
+        return check(i.imm < 4, "no such component");
       case Op::Atomic:
       case Op::SharedAtomic:
         return check(high < std::size(kAtomicNames), "no such atomic operation");

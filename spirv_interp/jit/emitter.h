@@ -163,6 +163,9 @@ class Emitter {
   void loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
   void loadPair(Value v, const x86::Gp& base, const x86::Mem& limit);
   void loadAddresses(Value v);    // emit_gather.cpp
+  bool filterHalves(Value v);     // emit_filter.cpp
+  void emitFootprint(Value v, uint32_t results);
+  void emitFootprintPart(const x86::Mem (&operand)[6], const x86::Mem& limit, uint32_t results, uint32_t part);
   bool atomic(Value v);           // emit_atomic.cpp
   x86::Mem bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store);   //!< rsi: base
   void storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit);
@@ -234,6 +237,13 @@ class Emitter {
     asmjit::Label end, start, out;   //!< out: behind a loop's end
   };
   std::vector<RegionLabels> labels_;
+  //! Filtered texels: the components stand in the frame, [component][part], from the first of them that is computed.
+  struct Footprint {
+    Value first = 0;
+    uint32_t region = 0, place = 0;
+  };
+  std::vector<Footprint> footprints_;
+  uint32_t footprintScratch_ = 0;           // in the frame; 0: none yet
   std::vector<asmjit::Label> resumes_;
   asmjit::Label exit_, thunk_;
   bool usesThunk_ = false;

@@ -211,11 +211,12 @@ bool wantsAvx512(Isa isa) {
 
 Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const interp::CompileOptions& options, const JitOptions& jit) {
   ir::Function f = source;
-  ir::lowerMath(f, options.numerics);
+  const bool avx512 = wantsAvx512(jit.isa);
+  ir::lowerMath(f, options.numerics, options.numerics == ir::Numerics::F32 && !avx512);
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
   if (jit.wholeBlocks) computeWhenNeeded(f);
-  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, wantsAvx512(jit.isa) ? kRegistersAvx512 : kRegistersAvx2);
+  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, avx512 ? kRegistersAvx512 : kRegistersAvx2);
   plan.upperFirst = jit.upperFirst;
   allocate(plan);
 

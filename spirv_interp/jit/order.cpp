@@ -21,7 +21,7 @@ bool changesOne(const Function& f, Value v) {
 
 bool mayWait(const Inst& i) {
   // Loads start early: they take long.
-  return (ir::opInfo(i.op).flags & ir::kPure) && i.op != Op::Const && i.op != Op::LoadConst && i.op != Op::TableLoad && i.op != Op::UniformInput;
+  return (ir::opInfo(i.op).flags & ir::kPure) && i.op != Op::Const && i.op != Op::LoadConst && i.op != Op::FilterHalves && i.op != Op::TableLoad && i.op != Op::UniformInput;
 }
 
 }  // namespace

@@ -223,7 +223,24 @@ class Generator {
   }
   Value widened(Value offset) { return r_.chance(30) && accepts(Op::ZExt, Type::I64, Type::I32) ? b_.convert(Op::ZExt, Type::I64, offset) : offset; }
 
+  //! Some components of one to two footprints: in a picture of quads, or anywhere.
+  void filterTexels() {
+    const Buffer a = buffer(r_.chance(70) ? BufferId::Data : BufferId::MoreData);
+    for (uint32_t n = 1 + r_.below(2); n--;) {
+      const bool picture = r_.chance(60);
+      const auto bits = [&](uint32_t from, uint32_t to) { return b_.shl(b_.and_(b_.lshr(b_.laneId(), b_.i32(from)), b_.i32(1)), b_.i32(to)); };
+      Value o[8] = {a.base, a.size};
+      for (uint32_t k = 0; k < 2; ++k) {
+        o[2 + k] = picture ? b_.iadd(bits(1, 5), b_.i32(32 * (k + r_.below(16)))) : offset(kDataBytes / 2, 8);
+        o[4 + k] = picture ? b_.iadd(b_.iadd(bits(0, 3), bits(2, 4)), b_.i32(8 * k + r_.below(40))) : offset(kDataBytes / 2, 8);
+        o[6 + k] = pick(Type::F32);
+      }
+      for (uint32_t c = 0; c < 4; ++c)
+        if (r_.chance(70)) emit(Op::FilterHalves, Type::F32, {o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7]}, c);
+    }
+  }
   void loadData() {
+    if (r_.chance(15) && accepts(Op::LoadConst, Type::I64) && accepts(Op::Fma, Type::F32)) return filterTexels();
     const Type t = dataType();
     const Op op = r_.chance(50) ? Op::Load : Op::LoadConst;
     if (!accepts(op, t)) return;
