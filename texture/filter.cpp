@@ -94,7 +94,8 @@ Filter::Axis Filter::makeAxis(unsigned n, Value u, Value extent, Value offset) {
   Value x = u, scale = 0;
   if (normalized) {
     // The periodic part is removed while the coordinate is normalised: fractions are exact and no division is needed.
-    if (mode == VK_SAMPLER_ADDRESS_MODE_REPEAT) x = b_.fsub(u, b_.ffloor(u));
+    // At most 1 already, but for infinite coordinates.
+    if (mode == VK_SAMPLER_ADDRESS_MODE_REPEAT) x = b_.fmin(b_.fsub(u, b_.ffloor(u)), b_.f32(1.0f));
     if (mode == VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT) {
       Value h = b_.fmul(u, b_.f32(0.5f));
       x = b_.fmul(b_.fsub(h, b_.ffloor(h)), b_.f32(2.0f));
@@ -118,6 +119,9 @@ Filter::Axis Filter::makeAxis(unsigned n, Value u, Value extent, Value offset) {
     floor = b_.ffloor(toTexels(0));
   }
   const Value one = b_.i32(1), last = b_.isub(extent, one);
+  const bool clamped = linear_ && normalized && !offset && mode == VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE && !acrossFaces_;
+  // Clamped before they are integers, numbers convert without more ado.
+  if (clamped) floor = b_.fmin(b_.fmax(floor, b_.f32(-1.0f)), b_.fsub(scale, b_.f32(1.0f)));
   Value i0 = b_.convert(Op::FToS, Type::I32, floor);
   if (offset) i0 = b_.iadd(i0, offset);
   auto next = [&](Value i) { return b_.iadd(i, one); };
@@ -138,7 +142,7 @@ Filter::Axis Filter::makeAxis(unsigned n, Value u, Value extent, Value offset) {
     if (linear_) a.index[1] = beyond(next(i0));
   } else if (mode == VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE && linear_) {
     // Clamped first, so that the next one cannot overflow.
-    i0 = b_.smin(b_.smax(i0, b_.i32(~0u)), last);
+    if (!clamped) i0 = b_.smin(b_.smax(i0, b_.i32(~0u)), last);
     a.index[0] = b_.smax(i0, b_.i32(0));
     a.index[1] = b_.smin(next(i0), last);
   } else {

@@ -15,7 +15,8 @@ using ir::Value;
 
 Value ImageBuild::extent(unsigned i, Value level) const {
   constexpr size_t kField[] = {offsetof(ImageDescriptor, width), offsetof(ImageDescriptor, height), offsetof(ImageDescriptor, depth)};
-  Value first = fields.i32(kField[i]);
+  // More is never there: who knows it need not watch for overflows.
+  Value first = b.umin(fields.i32(kField[i]), b.i32(0xffff));
   if (i < 2 && shift[i]) first = b.lshr(b.iadd(first, b.i32((1u << shift[i]) - 1)), b.i32(shift[i]));
   return level ? b.umax(b.lshr(first, level), b.i32(1)) : first;
 }

@@ -77,7 +77,8 @@ class Sampling {
       fine_ = mipLevel(s, nearestLevel(b_, lod->clamped, last), p.layer);
       return;
     }
-    Value lambda = b_.fmax(b_.fmin(lod->clamped, b_.convert(Op::SToF, Type::F32, last)), b_.f32(0.0f));
+    const Value coarsest = b_.fmin(b_.convert(Op::SToF, Type::F32, last), b_.f32(float(kMaxLevels)));
+    Value lambda = b_.fmax(b_.fmin(lod->clamped, coarsest), b_.f32(0.0f));
     Value floor = b_.ffloor(lambda);
     weight_ = b_.fsub(lambda, floor);
     Value level = b_.convert(Op::FToS, Type::I32, floor);

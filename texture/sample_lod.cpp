@@ -105,9 +105,11 @@ LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&
   }
   LevelOfDetail lod;
   lod.unclamped = b.fadd(lambda, bias);
-  Value lowest = samplerField(offsetof(SamplerDescriptor, minLod));
+  // Levels lie far within; that these are numbers saves work.
+  constexpr float kFar = 4096.0f;
+  Value lowest = b.fmax(samplerField(offsetof(SamplerDescriptor, minLod)), b.f32(-kFar));
   if (s.in.minLod) lowest = b.fmax(lowest, s.in.minLod);
-  lod.clamped = b.fmin(b.fmax(lod.unclamped, lowest), samplerField(offsetof(SamplerDescriptor, maxLod)));
+  lod.clamped = b.fmin(b.fmax(lod.unclamped, lowest), b.fmin(samplerField(offsetof(SamplerDescriptor, maxLod)), b.f32(kFar)));
   return lod;
 }
 

@@ -174,11 +174,12 @@ void Emitter::floatMinMax(Value v) {
   const InstId merge = least ? I::kIdVorps : I::kIdVandps;
   const InstId test = wide ? I::kIdVcmppd : I::kIdVcmpps;
   if (isConst(a) && !isConst(b)) std::swap(a, b);   // NaNs apart (and those are equally good), both orders give the same
+  else if (p_.number[a] && !p_.number[b] && !isConst(b)) std::swap(a, b);
   const uint64_t bits = f_.insts[b].imm;
-  const bool number = isConst(b) && !isNan(i.type, bits);
+  const bool number = p_.number[b] || (isConst(b) && !isNan(i.type, bits));
   // A zero must be the one that wins among zeros.
   const bool negative = bits >> (wide ? 63 : 31) & 1;
-  const bool direct = number && (!isZero(i.type, bits) || negative == least);
+  const bool direct = number && (p_.signless[v] || (isConst(b) && (!isZero(i.type, bits) || negative == least)));
   for (uint32_t part = 0; part < partsOf(i.type); part++) {
     const Source x = source(a, part), y = source(b, part);
     const Ymm d = target(v, part);

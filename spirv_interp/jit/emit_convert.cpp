@@ -156,6 +156,7 @@ bool Emitter::convert(Value v) {
     case Op::FToS:
       // Out of range gives 0x80000000: right below, turned over above; NaN is masked.
       if (from != Type::F32 || to != Type::I32) return false;
+      if (p_.fitsInt[v]) return each([&](Ymm d, uint32_t part) { a_.emit(I::kIdVcvttps2dq, d, source(o, part).op()); });
       return each([&](Ymm d, uint32_t part) {
         const Ymm x = load(o, part, t0());
         a_.vcmpps(t1(), x, pool32(0x4f000000), 29);   // >= 2^31, false for NaN

@@ -77,6 +77,9 @@ struct Plan {
   //! By load of 64 bits: only its words are looked at. Its two parts then hold lanes 0, 1, 4, 5 and 2, 3, 6, 7, from which one shuffle
   //! takes the words of all eight in order.
   std::vector<uint8_t> crossed;
+  std::vector<uint8_t> number;   //!< by f32 value: no NaN
+  std::vector<uint8_t> signless; //!< by float value: where it is a zero nobody sees its sign
+  std::vector<uint8_t> fitsInt;  //!< by FToS to i32: the number is known to be one, and within i32's range
   std::vector<Hot> hot;          //!< by region
   bool mayWait = false;          //!< chunks must give way in loops
   bool suspends = false;         //!< mayWait, or a barrier

@@ -5,7 +5,7 @@
 
 namespace pumice::jit {
 
-//! Values that are finite whatever their operands are (what was clamped, and arithmetic on it) make no NaN: Plan::a.nan.
+//! Values that are finite whatever their operands are (what was clamped, and arithmetic on it) make no NaN: Plan::a.nan, number, fitsInt, signless.
 void settleBounded(Plan& p);
 //! Signs that an fma changes at no cost, words that shuffles take from where they are: Plan::folded.
 void findFolded(Plan& p);

@@ -35,8 +35,34 @@ bool isScattered(const Plan& p, Value v) {
 
 }  // namespace
 
+namespace {
+
+//! Zeros whose sign nobody sees: what is made an integer, compared, or clamped to more.
+void findSignless(Plan& p) {
+  const Function& f = *p.f;
+  for (Value v = Value(f.insts.size()); v-- > 1;) {
+    if (!p.a.needed[v]) continue;
+    const Inst& i = f.insts[v];
+    const auto o = f.operands(v);
+    for (size_t k = 0; k < o.size(); k++) {
+      bool blind = i.op == Op::FToS || i.op == Op::FToU || ir::opInfo(i.op).operands == ir::OperandRule::CmpF;
+      if (i.op == Op::FMin || i.op == Op::FMax) {
+        const Inst& other = f.insts[o[1 - k]];
+        const bool negative = other.imm >> (8 * ir::typeBytes(i.type) - 1) & 1;
+        blind = p.signless[v] || (other.op == Op::Const && negative == (i.op == Op::FMin));
+      }
+      if (!blind) p.signless[o[k]] = 0;
+    }
+  }
+}
+
+}  // namespace
+
 void settleBounded(Plan& p) {
   const Function& f = *p.f;
+  p.number.assign(f.insts.size(), 0);
+  p.fitsInt.assign(f.insts.size(), 0);
+  p.signless.assign(f.insts.size(), 1);
   // All bounds come from these.
   if (!p.has(Op::FMin) && !p.has(Op::FMax)) return;
   struct Bounds {
@@ -45,10 +71,26 @@ void settleBounded(Plan& p) {
     bool finite() const { return number && low > -1e30 && high < 1e30; }
   };
   std::vector<Bounds> bounds(f.insts.size());
+  std::vector<uint32_t> most(f.insts.size(), ~0u);   // of unsigned numbers
   for (Value v = 1; v < f.insts.size(); v++) {
     const Inst& i = f.insts[v];
-    if (i.type != Type::F32) continue;
     const auto o = f.operands(v);
+    if (i.type == Type::I32) {
+      switch (i.op) {
+        case Op::Const: most[v] = uint32_t(i.imm); break;
+        case Op::UMin: most[v] = std::min(most[o[0]], most[o[1]]); break;
+        case Op::UMax: most[v] = std::max(most[o[0]], most[o[1]]); break;
+        case Op::LShr: most[v] = most[o[0]]; break;
+        case Op::FToS: {
+          constexpr double kRange = 2147483000;
+          const Bounds& x = bounds[o[0]];
+          p.fitsInt[v] = f.type(o[0]) == Type::F32 && x.number && x.low > -kRange && x.high < kRange;
+          break;
+        }
+        default: break;
+      }
+    }
+    if (i.type != Type::F32) continue;
     Bounds& r = bounds[v];
     const auto b = [&](size_t k) -> const Bounds& { return bounds[o[k]]; };
     const auto sum = [](const Bounds& x, const Bounds& y) { return Bounds{x.low + y.low, x.high + y.high, true}; };
@@ -78,8 +120,14 @@ void settleBounded(Plan& p) {
       case Op::FAdd:
         if (b(0).finite() && b(1).finite()) r = sum(b(0), b(1));
         break;
+      case Op::SToF:
+      case Op::UToF:
+        if (f.type(o[0]) == Type::I32 && most[o[0]] <= 0x7fffffff) r = {0, double(most[o[0]]), true};
+        break;
       case Op::FSub:
-        if (b(0).finite() && b(1).finite()) r = {b(0).low - b(1).high, b(0).high - b(1).low, true};
+        // A fraction, unless its number is infinite.
+        if (f.insts[o[1]].op == Op::FFloor && f.operands(o[1])[0] == o[0]) r = {0, 1, false};
+        else if (b(0).finite() && b(1).finite()) r = {b(0).low - b(1).high, b(0).high - b(1).low, true};
         break;
       case Op::FMul:
         if (b(0).finite() && b(1).finite()) r = product(b(0), b(1));
@@ -106,8 +154,10 @@ void settleBounded(Plan& p) {
       r.low -= std::abs(r.low) * 1e-6 + 1e-30;
       r.high += std::abs(r.high) * 1e-6 + 1e-30;
     }
+    p.number[v] = r.number;
     if (r.number && p.a.nan[v] == interp::NanBits::Arithmetic) p.a.nan[v] = interp::NanBits::Settled;
   }
+  findSignless(p);
 }
 
 void findFolded(Plan& p) {

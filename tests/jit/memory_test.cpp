@@ -209,6 +209,63 @@ TEST(JitMemory, wordsOfScatteredTexels) {
           )" + std::string(whole) + "\n", bytes);
 }
 
+// Bilinear footprints of half-float texels: of a picture that is drawn at its own size; with one lane elsewhere; anywhere.
+TEST(JitMemory, footprintsOfHalves) {
+  for (const char* rows : {"%here", "%strayed", "%anywhere"})
+    for (const char* columns : {"%column", "%any"})
+      for (size_t bytes : {7u, 8u, 100u, 400u, 4096u})
+        agrees(R"(
+          %id = lane.id i32
+          %one = const i32 1
+          %two = const i32 2
+          %three = const i32 3
+          %six = const i32 6
+          %eight = const i32 8
+          %mask = const i32 511
+          %pitch = const i32 72
+          %right = and i32 %id, %one
+          %id1 = lshr i32 %id, %one
+          %down = and i32 %id1, %one
+          %id2 = lshr i32 %id, %two
+          %far = and i32 %id2, %one
+          %far2 = shl i32 %far, %one
+          %x = or i32 %right, %far2
+          %column = shl i32 %x, %three
+          %any = and i32 %data, %mask
+          %row = imul i32 %down, %pitch
+          %group = lshr i32 %id, %three
+          %at = shl i32 %group, %six
+          %here = iadd i32 %row, %at
+          %seventeen = const i32 17
+          %is = ieq mask %id, %seventeen
+          %moved = iadd i32 %here, %pitch
+          %strayed = select i32 %is, %moved, %here
+          %half = lshr i32 %off, %one
+          %anywhere = iadd i32 %half, %row
+          %next = iadd i32 )" + std::string(rows) + R"(, %pitch
+          %beside = iadd i32 )" + std::string(columns) + R"(, %eight
+          %byte = const i32 255
+          %scale = const f32 0x3b808081
+          %w0 = and i32 %data, %byte
+          %w1 = stof f32 %w0
+          %wx = fmul f32 %w1, %scale
+          %v0 = and i32 %off, %byte
+          %v1 = stof f32 %v0
+          %wy = fmul f32 %v1, %scale
+          %a = filter.halves f32 0 %ubase, %usize, )" + std::string(rows) + ", %next, " + columns + R"(, %beside, %wx, %wy
+          output 0 %a
+          if %some
+            %b = filter.halves f32 1 %ubase, %usize, )" + std::string(rows) + ", %next, " + columns + R"(, %beside, %wx, %wy
+            output 1 %b
+            %c = filter.halves f32 2 %ubase, %usize, %next, )" + std::string(rows) + ", %beside, " + columns + R"(, %wy, %wx
+            output 2 %c
+          else
+            %d = filter.halves f32 3 %ubase, %usize, %next, )" + std::string(rows) + ", %beside, " + columns + R"(, %wy, %wx
+            output 3 %d
+          endif
+        )", bytes);
+}
+
 TEST(JitMemory, loadsOfSomeLanesOnly) {
   agrees(R"(
     if %some
