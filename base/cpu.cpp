@@ -196,4 +196,16 @@ uint64_t usableMemoryBytes() {
   return std::max<uint64_t>(bytes, 1);
 }
 
+bool mayUseAvx2() {
+#if defined(__x86_64__)
+  static const bool may = [] {
+    const auto isa = envString(EnvVar::Isa);
+    return __builtin_cpu_supports("avx2") && !(isa && (*isa == "sse4" || *isa == "scalar"));
+  }();
+  return may;
+#else
+  return false;
+#endif
+}
+
 }  // namespace pumice::base

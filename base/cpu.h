@@ -24,4 +24,7 @@ struct CgroupLimits {
 // `root` is put before every path (/proc/self/cgroup, /proc/self/mountinfo and the mounts named there).
 CgroupLimits cgroupLimits(const std::string& root = "");
 
+//! The processor has AVX2 and PUMICE_ISA does not ask for less. Asked once.
+bool mayUseAvx2();
+
 }  // namespace pumice::base

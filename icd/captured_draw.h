@@ -20,6 +20,9 @@ static_assert(kStateChunks <= 64 && std::is_trivially_copyable_v<pipeline::DrawV
 //! Bytes of chunk `i`; the last one may be shorter.
 constexpr size_t stateChunkBytes(size_t i) { return std::min(kStateChunk, sizeof(pipeline::DrawValues) - i * kStateChunk); }
 
+inline std::byte* stateChunk(pipeline::DrawValues& v, size_t i) { return reinterpret_cast<std::byte*>(&v) + i * kStateChunk; }
+inline const std::byte* stateChunk(const pipeline::DrawValues& v, size_t i) { return reinterpret_cast<const std::byte*>(&v) + i * kStateChunk; }
+
 struct CapturedDraw {
   const pipeline::DrawState* whole = nullptr;
   StateChunks changed = 0;
@@ -28,10 +31,9 @@ struct CapturedDraw {
 
 //! Chunks in which two states differ.
 inline StateChunks differingChunks(const pipeline::DrawValues& a, const pipeline::DrawValues& b) {
-  const auto *x = reinterpret_cast<const std::byte*>(&a), *y = reinterpret_cast<const std::byte*>(&b);
   StateChunks differ = 0;
   for (size_t i = 0; i < kStateChunks; ++i)
-    differ |= StateChunks(std::memcmp(x + i * kStateChunk, y + i * kStateChunk, stateChunkBytes(i)) != 0) << i;
+    differ |= StateChunks(std::memcmp(stateChunk(a, i), stateChunk(b, i), stateChunkBytes(i)) != 0) << i;
   return differ;
 }
 
@@ -45,11 +47,11 @@ class StateReader {
       state_ = *c.whole;
       whole_ = c.whole;
     } else {
-      for (StateChunks left = changed_ & ~c.changed; left; left &= left - 1) put(left, reinterpret_cast<const std::byte*>(static_cast<const pipeline::DrawValues*>(whole_)) + index(left) * kStateChunk);
+      for (StateChunks left = changed_ & ~c.changed; left; left &= left - 1) put(index(left), stateChunk(*whole_, index(left)));
     }
     changed_ = c.changed;
     const std::byte* from = c.chunks;
-    for (StateChunks left = changed_; left; left &= left - 1, from += kStateChunk) put(left, from);
+    for (StateChunks left = changed_; left; left &= left - 1, from += kStateChunk) put(index(left), from);
     return state_;
   }
   //! Before a captured state may end.
@@ -59,11 +61,9 @@ class StateReader {
   }
 
  private:
+  //! The lowest of them.
   static size_t index(StateChunks chunks) { return size_t(std::countr_zero(chunks)); }
-  //! The lowest of `chunks`.
-  void put(StateChunks chunks, const std::byte* from) {
-    std::memcpy(reinterpret_cast<std::byte*>(static_cast<pipeline::DrawValues*>(&state_)) + index(chunks) * kStateChunk, from, stateChunkBytes(index(chunks)));
-  }
+  void put(size_t i, const std::byte* from) { std::memcpy(stateChunk(state_, i), from, stateChunkBytes(i)); }
   pipeline::DrawState state_;
   const pipeline::DrawState* whole_ = nullptr;   //!< what state_ is made from, with
   StateChunks changed_ = 0;

@@ -89,7 +89,7 @@ bool CommandBuffer::captureDraw() {
       captured.chunks = chunks;
       for (StateChunks left = changed; left; left &= left - 1, chunks += kStateChunk) {
         const size_t i = size_t(std::countr_zero(left));
-        std::memcpy(chunks, reinterpret_cast<const std::byte*>(static_cast<const pipeline::DrawValues*>(&draw)) + i * kStateChunk, stateChunkBytes(i));
+        std::memcpy(chunks, stateChunk(draw, i), stateChunkBytes(i));
       }
       return isCaptured = true;
     }

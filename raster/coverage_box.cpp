@@ -6,7 +6,7 @@
 #include <immintrin.h>
 #endif
 
-#include "base/env.h"
+#include "base/cpu.h"
 
 namespace pumice::raster {
 
@@ -169,14 +169,10 @@ bool coverAvx2(const Primitive& p, int originX, int originY, const TileBox& box,
 #endif
 
 CoverBox coverBox() {
-  static const CoverBox chosen = []() -> CoverBox {
 #if defined(__x86_64__)
-    const auto isa = base::envString(base::EnvVar::Isa);
-    if (__builtin_cpu_supports("avx2") && !(isa && (*isa == "sse4" || *isa == "scalar"))) return coverAvx2;
+  if (base::mayUseAvx2()) return coverAvx2;
 #endif
-    return nullptr;
-  }();
-  return chosen;
+  return nullptr;
 }
 
 }  // namespace pumice::raster

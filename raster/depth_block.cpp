@@ -7,7 +7,7 @@
 #include <limits>
 #include <type_traits>
 
-#include "base/env.h"
+#include "base/cpu.h"
 #include "raster/depth_avx2.h"
 
 namespace pumice::raster {
@@ -196,8 +196,7 @@ const DepthKernels& depthKernels() {
   static const DepthKernels& chosen = []() -> const DepthKernels& {
     NamedDepthKernels all[2];
     size_t count = availableDepthKernels(all);
-    const auto isa = base::envString(base::EnvVar::Isa);
-    if (isa && (*isa == "sse4" || *isa == "scalar")) count = 1;
+    if (!base::mayUseAvx2()) count = 1;
     return *all[count - 1].kernels;
   }();
   return chosen;

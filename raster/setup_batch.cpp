@@ -12,22 +12,12 @@
 #include <immintrin.h>
 #endif
 
-#include "base/env.h"
+#include "base/cpu.h"
 #include "base/log.h"
 
 namespace pumice::raster {
 
-bool fourAtOnce() {
-#if defined(__x86_64__)
-  static const bool yes = [] {
-    const auto isa = base::envString(base::EnvVar::Isa);
-    return __builtin_cpu_supports("avx2") && !(isa && (*isa == "sse4" || *isa == "scalar"));
-  }();
-  return yes;
-#else
-  return false;
-#endif
-}
+bool fourAtOnce() { return base::mayUseAvx2(); }
 
 bool SetupContext::plain() const {
   bool plain = state_.polygonMode == VK_POLYGON_MODE_FILL && !choosesView_ && !userClips_ && !vertices_.wideRows;
