@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <condition_variable>
 #include <cstring>
+#include <deque>
 #include <memory>
 #include <mutex>
 
@@ -61,6 +62,28 @@ void Thread::join() {
   if (process_ == ::getpid()) ::pthread_join(handle_, nullptr);
 }
 
+bool Task::tryRun() {
+  uint32_t expected = kPending;
+  if (!state_.compare_exchange_strong(expected, kBegun, std::memory_order_relaxed)) return false;
+  {
+    ScopedFpEnv environment;
+    body_();
+  }
+  body_ = nullptr;
+  state_.store(kDone, std::memory_order_release);
+  state_.notify_all();
+  return true;
+}
+
+void Task::finish() {
+  if (!done() && !tryRun()) state_.wait(kBegun, std::memory_order_acquire);
+}
+
+void Task::abandon() {
+  uint32_t expected = kPending;
+  if (!state_.compare_exchange_strong(expected, kDone, std::memory_order_acquire)) state_.wait(kBegun, std::memory_order_acquire);
+}
+
 // A running loop; lives on the stack of its caller. Which loops are open, how many workers have joined each
 // and how many are still inside is guarded by Shared::mutex; items are handed out by the counter alone.
 struct ThreadPool::Loop {
@@ -95,6 +118,7 @@ struct ThreadPool::Shared {
   const unsigned threads;
   std::mutex mutex;
   std::condition_variable wake;
+  std::deque<std::shared_ptr<Task>> tasks;
   Loop* loops = nullptr;  // those that may still have items for more workers, oldest first
   unsigned sleeping = 0;
   bool stop = false;
@@ -104,6 +128,18 @@ struct ThreadPool::Shared {
     for (Loop* loop = loops; loop; loop = loop->following)
       if (loop->joined < threads && !loop->exhausted()) return loop;
     return nullptr;
+  }
+
+  // Does the first task, if there is one. The lock is held before and afterwards, but not in between.
+  bool runTask(std::unique_lock<std::mutex>& lock) {
+    if (tasks.empty()) return false;
+    std::shared_ptr<Task> task = std::move(tasks.front());
+    tasks.pop_front();
+    lock.unlock();
+    if (task.use_count() > 1) task->tryRun();
+    task.reset();
+    lock.lock();
+    return true;
   }
 
   void append(Loop* loop) {
@@ -128,6 +164,7 @@ struct ThreadPool::Shared {
       Loop* loop = openLoop();
       if (!loop) {
         if (stop) return;
+        if (runTask(lock)) continue;
         sleeping++;
         wake.wait(lock);
         sleeping--;
@@ -162,6 +199,30 @@ ThreadPool::~ThreadPool() {
   }
   shared_->wake.notify_all();
   workers_.clear();
+}
+
+void ThreadPool::post(std::shared_ptr<Task> task, bool urgent) {
+  if (threads_ == 1) return task->finish();
+  bool toWake;
+  {
+    std::lock_guard lock(shared_->mutex);
+    if (urgent) shared_->tasks.push_front(std::move(task));
+    else shared_->tasks.push_back(std::move(task));
+    toWake = shared_->sleeping > 0;
+    if (!toWake && workers_.size() + 1 < threads_) startWorkers(unsigned(workers_.size()) + 1);
+  }
+  if (toWake) shared_->wake.notify_one();
+}
+
+bool ThreadPool::runPosted() {
+  std::unique_lock lock(shared_->mutex);
+  return shared_->runTask(lock);
+}
+
+void ThreadPool::finish(Task& task) {
+  if (task.tryRun()) return;
+  while (!task.done() && runPosted()) {}
+  task.finish();
 }
 
 // The mutex is held.

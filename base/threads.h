@@ -39,8 +39,31 @@ class Thread {
   bool started_ = false;
 };
 
-// Workers that share the items of loops. They are started by the first loop that has use for them and
-// sleep when there is none. Any number of threads may call parallelFor at once, also from inside a loop.
+// A piece of work that is done once: by a worker of a pool, or by whoever needs it first. Held by shared pointers;
+// needs no other task to be done. The floating-point environment is the default one within.
+class Task {
+ public:
+  // `body` must not throw. It is destroyed when it has been run, or with the task.
+  explicit Task(std::function<void()> body) : body_(std::move(body)) {}
+
+  // True: what it has written is visible.
+  bool done() const { return state_.load(std::memory_order_acquire) == kDone; }
+  // Does it, unless somebody has begun it; false then.
+  bool tryRun();
+  // Does it, or waits for who has begun it.
+  void finish();
+  // It will not be begun any more. Waits for who has begun it.
+  void abandon();
+
+ private:
+  enum : uint32_t { kPending, kBegun, kDone };
+  std::atomic<uint32_t> state_{kPending};
+  std::function<void()> body_;
+};
+
+// Workers that share the items of loops, and do tasks when there is no loop. They are started by the first loop or task
+// that has use for them and sleep when there is none. Any number of threads may call parallelFor at once, also from inside
+// a loop, and any may post tasks.
 class ThreadPool {
  public:
   // `threads` counts the calling thread: with 1 no thread is ever started.
@@ -51,6 +74,13 @@ class ThreadPool {
 
   // Worker indices given to loops are below this.
   unsigned workerCount() const { return threads_; }
+
+  // Some worker does it when there is no loop to help with, oldest first and those that are urgent before others; a task that
+  // nobody else holds any more is left out. With one thread it is done here and now.
+  void post(std::shared_ptr<Task> task, bool urgent = false);
+
+  // Like task.finish(), but does other tasks while somebody else is busy with this one.
+  void finish(Task& task);
 
   // For good: items that nobody has begun are left out from now on. Those that have been begun may look at cancelled().
   void cancel() { cancelled_.store(true, std::memory_order_relaxed); }
@@ -85,6 +115,7 @@ class ThreadPool {
   std::atomic<pid_t> process_{0};   // the one the workers were started in
 
   void startWorkers(unsigned wanted);
+  bool runPosted();
 };
 
 }  // namespace pumice::base

@@ -19,11 +19,11 @@ constexpr size_t kMostTranslated = 8;   //!< of one module, kept
 
 using ShaderResult = base::Result<std::shared_ptr<const frontend::Shader>>;
 
-base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineShaderStageCreateInfo& stage) {
+base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineShaderStageCreateInfo& stage, base::ThreadPool& workers) {
   if (ShaderModule* m = from(stage.module)) {
     std::lock_guard lock(m->mutex);
     if (!m->module) {
-      auto parsed = frontend::parseModule(m->words, frontend::Validate::Beside);
+      auto parsed = frontend::parseModule(m->words, frontend::Validate::Beside, &workers);
       if (!parsed) return parsed;
       m->module = *parsed;
     }
@@ -31,12 +31,12 @@ base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineS
   }
   auto* inlined = findInChain<VkShaderModuleCreateInfo>(stage.pNext, VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO);
   if (!inlined) return base::Error{"a stage has no shader module"};
-  return frontend::parseModule({inlined->pCode, inlined->codeSize / 4}, frontend::Validate::Beside);
+  return frontend::parseModule({inlined->pCode, inlined->codeSize / 4}, frontend::Validate::Beside, &workers);
 }
 
 frontend::Stage stageOf(VkShaderStageFlagBits s);
 
-ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::vector<frontend::SpecializationConstant>& constants) {
+ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::vector<frontend::SpecializationConstant>& constants, base::ThreadPool& workers) {
   ShaderModule* const holder = from(stage.module);
   const frontend::Stage kind = stageOf(stage.stage);
   const unsigned checks = ir::wantedChecks();
@@ -45,10 +45,10 @@ ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::v
     for (const ShaderModule::Translated& t : holder->translated)
       if (t.stage == kind && t.checks == checks && t.entryPoint == stage.pName && t.constants == constants) return t.shader;
   }
-  auto module = moduleOf(stage);
+  auto module = moduleOf(stage, workers);
   if (!module) return std::move(module).error();
   auto shader = frontend::translate(**module, kind, stage.pName, constants);
-  if (auto valid = frontend::validity(**module); !valid) return valid.error();
+  if (auto valid = frontend::validity(**module, &workers); !valid) return valid.error();
   if (shader && holder) {
     std::lock_guard lock(holder->mutex);
     if (holder->translated.size() < kMostTranslated) holder->translated.push_back({kind, stage.pName, constants, checks, *shader});
@@ -79,6 +79,7 @@ ShaderKey wordsKeyOf(const VkPipelineShaderStageCreateInfo& stage) {
 
 //! What the making of one pipeline may use, and what it came to.
 struct Making {
+  base::ThreadPool& workers;
   PipelineCache* cache = nullptr;
   bool mayTranslate = true;
   bool refused = false;             //!< something had to be translated and might not
@@ -118,7 +119,7 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32
     making.refused = true;
     return base::Error{"the shader is not in the cache"};
   }
-  auto shader = shaderOf(stage, constants);
+  auto shader = shaderOf(stage, constants, making.workers);
   if (shader && making.cache) making.cache->insert(key, *shader);
   done(0);
   return shader;
@@ -241,7 +242,7 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
   if (robustness && robustness->vertexInputs != VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_DEVICE_DEFAULT_EXT)
     state.wholeAttributes = robustness->vertexInputs == VK_PIPELINE_ROBUSTNESS_BUFFER_BEHAVIOR_ROBUST_BUFFER_ACCESS_2_EXT;
   std::shared_ptr<const frontend::Shader> vertex, fragment;
-  pipeline::Keeping keeping{.store = making.keeps()};
+  pipeline::Keeping keeping{.store = making.keeps(), .workers = &making.workers};
   for (uint32_t i = 0; i < info.stageCount; i++) {
     const auto& stage = info.pStages[i];
     if (stage.stage == VK_SHADER_STAGE_FRAGMENT_BIT && state.rasterizerDiscard && !(extended & kDynamicRasterizerDiscard)) continue;
@@ -264,7 +265,7 @@ base::Status makeGraphics(const Device& device, const VkGraphicsPipelineCreateIn
 }
 
 base::Result<std::shared_ptr<pipeline::ComputePipeline>> makeCompute(const VkComputePipelineCreateInfo& info, Making& making) {
-  pipeline::Keeping keeping{.store = making.keeps()};
+  pipeline::Keeping keeping{.store = making.keeps(), .workers = &making.workers};
   auto shader = translateStage(info.stage, 0, making, keeping.vertex);
   if (!shader) return std::move(shader).error();
   return pipeline::createComputePipeline(from(info.layout)->layout, *shader, pipeline::defaultNumerics(), keeping);
@@ -291,7 +292,7 @@ VkResult createPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
     if (stop) continue;
     VkResult one = VK_SUCCESS;
     auto start = std::chrono::steady_clock::now();
-    Making making{.cache = from(cache), .mayTranslate = !(infos[i].flags & VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT)};
+    Making making{.workers = from(handle)->pool, .cache = from(cache), .mayTranslate = !(infos[i].flags & VK_PIPELINE_CREATE_FAIL_ON_PIPELINE_COMPILE_REQUIRED_BIT)};
     auto* object = from(handle)->make<Pipeline>(callbacks);
     if (!object) {
       one = VK_ERROR_OUT_OF_HOST_MEMORY;

@@ -32,16 +32,18 @@ class ComputePipeline {
   std::shared_ptr<SavedPipeline> saved;
 };
 
-base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
-base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
+//! With `workers` these do the JIT's work (RoutineCode).
+base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers = nullptr);
+base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key,
+                                                                    base::ThreadPool* workers = nullptr);
 VisibilityTraits visibilityTraits(const GraphicsPipeline& pipeline);
 //! False when nothing that the fragment shader does can be seen: colours that are masked, or that nobody takes.
 bool hasEffect(const GraphicsState& state, const frontend::Shader& fragment);
-base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
+base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key, base::ThreadPool* workers = nullptr);
 //! The same from what was saved; null where there is nothing, or nothing sound.
-std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key);
-std::shared_ptr<FragmentRoutine> restoreFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key);
-std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key);
+std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers = nullptr);
+std::shared_ptr<FragmentRoutine> restoreFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key, base::ThreadPool* workers = nullptr);
+std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key, base::ThreadPool* workers = nullptr);
 
 //! A vertex attribute as the shader sees it: four components of the location's format, f32 or (integer formats) i32.
 //! `checked`: PUMICE_CHECK looks whether the buffer holds it.

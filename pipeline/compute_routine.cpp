@@ -51,9 +51,9 @@ std::string invocationText(const interp::ExecContext& context, uint32_t lane) {
 
 static uint64_t groupSize(const frontend::Shader& shader) { return uint64_t(shader.localSize[0]) * shader.localSize[1] * shader.localSize[2]; }
 
-static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeline& pipeline, const ComputeKey& key, const ir::Function& f) {
+static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeline& pipeline, const ComputeKey& key, const ir::Function& f, base::ThreadPool* workers) {
   const frontend::Shader& shader = *pipeline.shader;
-  auto code = compileRoutine(f, key.numerics, {"compute shader \"" + shader.function.name + "\"", invocationText});
+  auto code = compileRoutine(f, key.numerics, {"compute shader \"" + shader.function.name + "\"", invocationText}, false, workers);
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<ComputeRoutine>();
   routine->code = std::move(code).value();
@@ -71,7 +71,7 @@ static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeli
   return routine;
 }
 
-std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
+std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key, base::ThreadPool* workers) {
   if (!pipeline.saved) return nullptr;
   Surroundings s;
   s.inputs.assign(6, Type::I32);
@@ -79,14 +79,14 @@ std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pip
   auto saved = pipeline.saved->find(savedKey(key), s);
   if (!saved || groupSize(*pipeline.shader) > kMaxGroupInvocations) return nullptr;
   saved->function.sharedBytes = pipeline.shader->function.sharedBytes;
-  auto made = compile(pipeline, key, saved->function);
+  auto made = compile(pipeline, key, saved->function, workers);
   if (!made) return nullptr;
   countRestored();
   return std::move(made).value();
 }
 
-base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key) {
-  if (auto restored = restoreComputeRoutine(pipeline, key)) return restored;
+base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key, base::ThreadPool* workers) {
+  if (auto restored = restoreComputeRoutine(pipeline, key, workers)) return restored;
   const frontend::Shader& shader = *pipeline.shader;
   const uint64_t invocations = groupSize(shader);
   ir::Function f;
@@ -100,7 +100,7 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
     return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
   PUMICE_TRY(finishRoutine(f));
   if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, 0);
-  return compile(pipeline, key, f);
+  return compile(pipeline, key, f, workers);
 }
 
 }  // namespace pumice::pipeline

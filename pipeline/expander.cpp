@@ -1,15 +1,9 @@
 #include "pipeline/expander.h"
 
 #include <algorithm>
-#include <mutex>
-#include <map>
 
-#include "base/hash.h"
-#include "pipeline/each_row.h"
 #include "pipeline/ideas.h"
 #include "pipeline/saved_routines.h"
-#include "spirv_interp/ir/bytes.h"
-#include "spirv_interp/jit/engine.h"
 
 namespace pumice::pipeline {
 
@@ -256,91 +250,6 @@ base::Status finishRoutine(ir::Function& f) {
   ir::optimise(f);
   countLinked();
   return {};
-}
-
-namespace {
-
-base::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options, bool wholeBlocks) {
-  const Ideas off = disabledIdeas();
-  constexpr uint32_t kOneVector = 8;   // lanes
-  auto made = jit::makeExecutable(f, options, wholeBlocks, off & bit(Idea::Interleaving) ? kOneVector : 0);
-  if (!made || !(off & bit(Idea::Preamble))) return made;
-  return preambleEachRow(std::move(made).value());
-}
-
-//! Executables by the bytes of the function that they were made from, as long as somebody has them.
-class Compiled {
- public:
-  struct Entry {
-    std::vector<std::byte> bytes;
-    std::unique_ptr<interp::Executable> code;
-  };
-  std::shared_ptr<const Entry> find(uint64_t hash, const std::vector<std::byte>& bytes) {
-    std::lock_guard lock(mutex_);
-    for (auto [it, end] = entries_.equal_range(hash); it != end; ++it)
-      if (auto entry = it->second.shared.lock(); entry && entry->bytes == bytes) return entry;
-    return nullptr;
-  }
-  std::shared_ptr<const Entry> insert(uint64_t hash, Entry made) {
-    const Entry* entry = new Entry(std::move(made));
-    std::shared_ptr<const Entry> shared(entry, [this, hash](const Entry* e) {
-      {
-        std::lock_guard lock(mutex_);
-        auto [it, end] = entries_.equal_range(hash);
-        while (it != end && it->second.entry != e) ++it;
-        if (it != end) entries_.erase(it);
-      }
-      delete e;
-    });
-    std::lock_guard lock(mutex_);
-    entries_.emplace(hash, Known{entry, shared});
-    return shared;
-  }
-
- private:
-  struct Known {
-    const Entry* entry;
-    std::weak_ptr<const Entry> shared;
-  };
-  std::mutex mutex_;
-  std::multimap<uint64_t, Known> entries_;   // no memory while empty
-};
-
-//! Never destroyed, since threads may still compile while the process ends; without executables it holds nothing that a driver
-//! that is unloaded would leave behind.
-union Forever {
-  Compiled compiled;
-  Forever() : compiled() {}
-  ~Forever() {}
-};
-
-}  // namespace
-
-base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked,
-                                                                         bool wholeBlocks) {
-  interp::CompileOptions options;
-  options.numerics = numerics;
-  options.checked = std::move(checked);
-  // What is watched says which shader it is of.
-  if (std::any_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == Op::Check; })) {
-    auto watched = makeExecutable(f, options, wholeBlocks);
-    if (!watched) return std::move(watched).error();
-    return std::shared_ptr<const interp::Executable>(std::move(watched).value());
-  }
-  static Forever forever;
-  Compiled& compiled = forever.compiled;
-  ir::ByteWriter w;
-  w.value(numerics);
-  w.value(wholeBlocks);
-  ir::fields(w, f);
-  const uint64_t hash = base::hashBytes(w.bytes.data(), w.bytes.size());
-  auto entry = compiled.find(hash, w.bytes);
-  if (!entry) {
-    auto made = makeExecutable(f, options, wholeBlocks);
-    if (!made) return std::move(made).error();
-    entry = compiled.insert(hash, {std::move(w.bytes), std::move(made).value()});   // a second one does no harm
-  }
-  return std::shared_ptr<const interp::Executable>(entry, entry->code.get());
 }
 
 ir::Function guardEffects(const ir::Function& source) {

@@ -66,9 +66,6 @@ class StageExpander : public ir::Expander {
 
 //! Verifies and optimises a routine whose expansion is complete.
 base::Status finishRoutine(ir::Function& f);
-//! Routines with the same IR have one executable as long as one of them lives: a vertex shader is compiled once for many pipelines.
-base::Result<std::shared_ptr<const interp::Executable>> compileRoutine(const ir::Function& f, ir::Numerics numerics, interp::CheckedShader checked = {},
-                                                                   bool wholeBlocks = false);
 
 //! A copy of the shader's function in which memory is only changed where `helper.mask` is false.
 ir::Function guardEffects(const ir::Function& f);

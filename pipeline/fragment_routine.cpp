@@ -373,7 +373,7 @@ enum MadeTraits : uint32_t {
   kReadsInverseW = 4,
 };
 
-base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& pipeline, const FragmentKey& key, const SavedRoutine& made) {
+base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& pipeline, const FragmentKey& key, const SavedRoutine& made, base::ThreadPool* workers) {
   const GraphicsState& state = pipeline.state;
   const frontend::Shader* shader = pipeline.fragment.get();
   const ShaderTraits t = traits(state, shader);
@@ -404,7 +404,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& p
       };
     }
   }
-  auto code = compileRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText}, key.rows >= Rows::Whole);
+  auto code = compileRoutine(f, key.numerics, {"fragment shader \"" + (shader ? shader->function.name : "") + "\"", pixelText}, key.rows >= Rows::Whole, workers);
   if (!code) return std::move(code).error();
   routine->code = std::move(code).value();
   return routine;
@@ -433,18 +433,18 @@ Surroundings surroundings(const GraphicsPipeline& pipeline, const FragmentKey& k
 
 }  // namespace
 
-std::shared_ptr<FragmentRoutine> restoreFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
+std::shared_ptr<FragmentRoutine> restoreFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key, base::ThreadPool* workers) {
   if (!pipeline.saved) return nullptr;
   const auto saved = pipeline.saved->find(savedKey(key), surroundings(pipeline, key));
   if (!saved) return nullptr;
-  auto made = compile(pipeline, key, *saved);
+  auto made = compile(pipeline, key, *saved, workers);
   if (!made) return nullptr;
   countRestored();
   return std::move(made).value();
 }
 
-base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key) {
-  if (auto restored = restoreFragmentRoutine(pipeline, key)) return restored;
+base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const GraphicsPipeline& pipeline, const FragmentKey& key, base::ThreadPool* workers) {
+  if (auto restored = restoreFragmentRoutine(pipeline, key, workers)) return restored;
   const GraphicsState& state = pipeline.state;
   const frontend::Shader* shader = pipeline.fragment.get();
   const ShaderTraits t = traits(state, shader);
@@ -573,7 +573,7 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
   }
   PUMICE_TRY(finishRoutine(f));
   if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, made.traits);
-  return compile(pipeline, key, made);
+  return compile(pipeline, key, made, workers);
 }
 
 }  // namespace pumice::pipeline

@@ -116,16 +116,16 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
     // One like it has been made before, so it works. Its routines are made at once, those for rows of a kind as well.
     const SavedKeys known = p->saved->keys();
     for (const VertexKey& key : known.vertex)
-      if (auto routine = restoreVertexRoutine(*p, key)) p->vertexVariants.insert(key, std::move(routine));
+      if (auto routine = restoreVertexRoutine(*p, key, keeping.workers)) p->vertexVariants.insert(key, std::move(routine));
     for (const FragmentKey& key : known.fragment) {
       if (p->state.rasterizerDiscard) break;
       bool there = false;
       FragmentKey any = key;
       any.rows = Rows::Any;
       if (key.rows == Rows::Any) {
-        if (auto routine = restoreFragmentRoutine(*p, key)) p->fragmentVariants.insert(key, std::move(routine));
+        if (auto routine = restoreFragmentRoutine(*p, key, keeping.workers)) p->fragmentVariants.insert(key, std::move(routine));
       } else if (auto routine = p->fragmentVariants.find(any, there); routine && routine->hasRows(key.rows)) {
-        routine->restore(key.rows, restoreFragmentRoutine(*p, key));
+        routine->restore(key.rows, restoreFragmentRoutine(*p, key, keeping.workers));
       }
     }
     return p;
@@ -135,7 +135,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   VertexKey vertexKey;
   vertexKey.numerics = p->state.numerics;
   vertexKey.images = p->vertexImages.plausible(*p->vertex, *p->layout);
-  auto v = buildVertexRoutine(*p, vertexKey);
+  auto v = buildVertexRoutine(*p, vertexKey, keeping.workers);
   if (!v) return in("vertex", std::move(v));
   p->vertexVariants.insert(vertexKey, std::move(v).value());
   if (!p->state.rasterizerDiscard) {
@@ -143,7 +143,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
     key.numerics = p->state.numerics;
     key.settled = p->visibility.opaque && !(disabledIdeas() & bit(Idea::VisibleFirst));
     if (p->fragment) key.images = p->fragmentImages.plausible(*p->fragment, *p->layout);
-    auto f = buildFragmentRoutine(*p, key);
+    auto f = buildFragmentRoutine(*p, key, keeping.workers);
     if (!f) return in("fragment", std::move(f));
     p->fragmentVariants.insert(key, std::move(f).value());
   }
@@ -166,12 +166,12 @@ base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared
   const SavedPipelineKey savedAs = keeping.store ? savedPipelineKey(numerics, *p->layout, keeping.vertex) : SavedPipelineKey{};
   if (keeping.store && (p->saved = keeping.store->find(savedAs))) {
     for (const ComputeKey& key : p->saved->keys().compute)
-      if (auto routine = restoreComputeRoutine(*p, key)) p->variants.insert(key, std::move(routine));
+      if (auto routine = restoreComputeRoutine(*p, key, keeping.workers)) p->variants.insert(key, std::move(routine));
     return p;
   }
   if (keeping.store) p->saved = std::make_shared<SavedPipeline>();
   ComputeKey key{p->numerics, p->images.plausible(*p->shader, *p->layout)};
-  auto r = buildComputeRoutine(*p, key);
+  auto r = buildComputeRoutine(*p, key, keeping.workers);
   if (!r) return in("compute", std::move(r));
   p->variants.insert(key, std::move(r).value());
   if (p->saved) p->saved = keeping.store->insert(savedAs, p->saved);
@@ -180,14 +180,16 @@ base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared
 
 namespace {
 
-//! Made outside the lock; who loses a race discards. A failure is kept as null and so logged once.
+//! Made outside the lock; who loses a race discards. A failure is kept as null and so logged once. One whose code is still in the
+//! making is waited for.
 template <typename Key, typename Routine, typename Make>
 std::shared_ptr<const Routine> findOrMake(Variants<Key, Routine>& variants, const Key& key, const char* stage, Make&& make) {
   bool known = false;
-  if (auto found = variants.find(key, known); known) return found;
+  if (auto found = variants.find(key, known); known) return found && found->code.ready() ? found : nullptr;
   auto made = make();
   if (!made) base::logError("%s routine: %s", stage, made.error().message.c_str());
-  return variants.insert(key, made ? std::shared_ptr<const Routine>(std::move(made).value()) : nullptr);
+  auto kept = variants.insert(key, made ? std::shared_ptr<const Routine>(std::move(made).value()) : nullptr);
+  return kept && kept->code.ready() ? kept : nullptr;
 }
 
 }  // namespace
@@ -213,7 +215,7 @@ const FragmentRoutine* FragmentRoutine::forRows(Rows kind) const {
   constexpr uint32_t kRows = 256;   // of 128 lanes: some 30,000 pixels, which cost more than to compile
   Sibling* sibling = siblings[size_t(kind)].get();
   if (!sibling) return nullptr;
-  if (const FragmentRoutine* ready = sibling->ready.load(std::memory_order_acquire)) return ready;
+  if (const FragmentRoutine* ready = sibling->ready.load(std::memory_order_acquire)) return ready->code.ready() ? ready : nullptr;
   if (sibling->rows.load(std::memory_order_relaxed) > kRows || sibling->rows.fetch_add(1, std::memory_order_relaxed) < kRows) return nullptr;
   std::call_once(sibling->once, [&] {
     sibling->routine = sibling->make();

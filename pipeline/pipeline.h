@@ -69,10 +69,11 @@ struct GraphicsState {
 using ShaderIdentity = std::array<uint64_t, 2>;
 using SavedPipelineKey = std::array<uint64_t, 2>;
 class PipelineStore;
-//! Where a pipeline leaves its routines for pipelines to come (saved_routines.h), and what its shaders are called there.
+//! Where a pipeline leaves its routines for pipelines to come (saved_routines.h), and what its shaders are called there; who emits them.
 struct Keeping {
   std::shared_ptr<PipelineStore> store;   //!< null: nowhere
   ShaderIdentity vertex{}, fragment{};    //!< vertex: or compute
+  base::ThreadPool* workers = nullptr;    //!< emit what is made with the pipeline while the application goes on; null: nobody does
 };
 
 //! Variants by routine key live inside; safe to use from several threads. Kept alive by command buffers in flight.

@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "pipeline/execute.h"
+#include "pipeline/routine_code.h"
 #include "raster/visibility.h"
 #include "spirv_interp/interpreter/executor.h"
 
@@ -54,7 +55,7 @@ struct FragmentKey {
 //! per-vertex buffers), slot 1 = InstanceIndex (first instance added). Output slot r is row r of raster::VertexOutputs:
 //! 0..3 clip position, then `rows` below. The oracle's rows are wide (raster::VertexOutputs::wideRows).
 struct VertexRoutine {
-  std::shared_ptr<const interp::Executable> code;
+  RoutineCode code;
   uint32_t rowCount = 4;
   bool wide = false;
 };
@@ -81,7 +82,7 @@ struct FragmentRoutine {
     std::function<std::unique_ptr<FragmentRoutine>()> make;   //!< null if it cannot be made
   };
   std::unique_ptr<Sibling> siblings[kRowKinds];   //!< by Rows; of Any: null
-  std::shared_ptr<const interp::Executable> code;
+  RoutineCode code;
   std::vector<raster::Varying> varyings;    //!< order of the record's planes; vertexRow refers to the pipeline's vertex rows
   bool wide = false;                        //!< the oracle's: reads wide records
   bool needsHelpers = false;                //!< run whole quads: `active` covers all four lanes
@@ -125,7 +126,7 @@ struct ComputeKey {
 
 //! Compute: input slots 0..2 = LocalInvocationId, 3..5 = WorkgroupId (i32 rows).
 struct ComputeRoutine {
-  std::shared_ptr<const interp::Executable> code;
+  RoutineCode code;
   std::array<uint32_t, 3> localSize{1, 1, 1};
   uint32_t sharedBytes = 0;
   bool groupsApart = false;                 //!< a row never holds invocations of two work groups: shared memory, barriers, subgroups, waiting

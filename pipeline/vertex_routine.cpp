@@ -161,8 +161,8 @@ static std::string vertexText(const interp::ExecContext& context, uint32_t lane)
   return text;
 }
 
-static base::Result<std::shared_ptr<VertexRoutine>> compile(const GraphicsPipeline& pipeline, const VertexKey& key, const ir::Function& f) {
-  auto code = compileRoutine(f, key.numerics, {"vertex shader \"" + pipeline.vertex->function.name + "\"", vertexText});
+static base::Result<std::shared_ptr<VertexRoutine>> compile(const GraphicsPipeline& pipeline, const VertexKey& key, const ir::Function& f, base::ThreadPool* workers) {
+  auto code = compileRoutine(f, key.numerics, {"vertex shader \"" + pipeline.vertex->function.name + "\"", vertexText}, false, workers);
   if (!code) return std::move(code).error();
   auto routine = std::make_shared<VertexRoutine>();
   routine->code = std::move(code).value();
@@ -171,21 +171,21 @@ static base::Result<std::shared_ptr<VertexRoutine>> compile(const GraphicsPipeli
   return routine;
 }
 
-std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key) {
+std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers) {
   if (!pipeline.saved) return nullptr;
   Surroundings s;
   s.inputs = {Type::I32, Type::I32};   // kSlotVertexIndex, kSlotInstanceIndex
   s.outputs.assign(pipeline.link.rowCount, key.numerics == ir::Numerics::Oracle ? Type::F64 : Type::F32);
   auto saved = pipeline.saved->find(savedKey(key), s);
   if (!saved) return nullptr;
-  auto made = compile(pipeline, key, saved->function);
+  auto made = compile(pipeline, key, saved->function, workers);
   if (!made) return nullptr;
   countRestored();
   return std::move(made).value();
 }
 
-base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key) {
-  if (auto restored = restoreVertexRoutine(pipeline, key)) return restored;
+base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers) {
+  if (auto restored = restoreVertexRoutine(pipeline, key, workers)) return restored;
   ir::Function f;
   f.name = "vertex routine";
   ir::Builder b(f);
@@ -205,7 +205,7 @@ base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPi
   if (decisions) ir::recordDecisions(f, first, end, decisions);
   PUMICE_TRY(finishRoutine(f));
   if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, 0);
-  return compile(pipeline, key, f);
+  return compile(pipeline, key, f, workers);
 }
 
 }  // namespace pumice::pipeline

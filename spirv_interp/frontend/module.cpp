@@ -380,27 +380,42 @@ base::Status validate(const std::vector<uint32_t>& words) {
   return status;
 }
 
-// The future's destructor waits for the thread.
-std::shared_future<base::Status> validateBeside(const std::vector<uint32_t>& words) {
-  try {
-    return std::async(std::launch::async, [&words] { return validate(words); }).share();
-  } catch (const std::system_error&) {  // no more threads: whoever asks first does it
-    return std::async(std::launch::deferred, [&words] { return validate(words); }).share();
-  }
-}
-
 }  // namespace
 
-base::Status validity(const Module& module) { return module.validity.valid() ? module.validity.get() : base::Status(); }
+Module::~Module() {
+  if (validation_) validation_->task.abandon();
+}
 
-Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate when) {
+void Module::validateBeside(base::ThreadPool* workers) {
+  validation_ = std::make_shared<Validation>(words);
+  if (workers) workers->post({validation_, &validation_->task}, true);
+}
+
+Module::Validation::Validation(const std::vector<uint32_t>& w)
+    : task([this, &w] {
+        try {
+          verdict = validate(w);
+        } catch (const std::bad_alloc&) {
+          verdict = base::errorf("SPIR-V: out of memory");
+        }
+      }) {}
+
+base::Status Module::validity(base::ThreadPool* workers) const {
+  if (!validation_) return {};
+  workers ? workers->finish(validation_->task) : validation_->task.finish();
+  return validation_->verdict;
+}
+
+base::Status validity(const Module& module, base::ThreadPool* workers) { return module.validity(workers); }
+
+Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate when, base::ThreadPool* workers) {
   try {
     auto module = std::make_shared<Module>();
     module->words.assign(words.begin(), words.end());
     PUMICE_TRY(module->cut());
     if (canBeValidated(*module)) {
       if (when == Validate::First) PUMICE_TRY(validate(module->words));
-      else module->validity = validateBeside(module->words);
+      else module->validateBeside(workers);
     }
     return std::shared_ptr<const Module>(std::move(module));
   } catch (const std::bad_alloc&) {

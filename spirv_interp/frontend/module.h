@@ -4,7 +4,7 @@
 #pragma once
 
 #include <cstdint>
-#include <future>
+#include <memory>
 #include <span>
 #include <string>
 #include <string_view>
@@ -14,6 +14,7 @@
 #include <spirv/unified1/spirv.hpp11>
 
 #include "base/result.h"
+#include "base/threads.h"
 
 namespace pumice::frontend {
 
@@ -86,7 +87,16 @@ class Module {
   std::unordered_map<uint32_t, std::string> extendedSets;  //!< OpExtInstImport
   std::unordered_map<uint32_t, std::string> strings;       //!< OpString
   std::vector<std::string> sources;
-  std::shared_future<base::Status> validity;  //!< the validator's verdict, when it runs beside; reads `words`
+
+  Module() = default;
+  ~Module();
+  Module(const Module&) = delete;
+  Module& operator=(const Module&) = delete;
+
+  //! Has `words` validated by some worker, or (with none) by who asks first.
+  void validateBeside(base::ThreadPool* workers);
+  //! The verdict, if that was asked for.
+  base::Status validity(base::ThreadPool* workers) const;
 
   //! The instruction with this result, null if there is none.
   const Instruction* definition(uint32_t id) const {
@@ -105,6 +115,13 @@ class Module {
  private:
   static const Decoration* findIn(std::span<const Decoration> list, spv::Decoration kind);
   void decorate(const Instruction& inst);
+
+  struct Validation {
+    explicit Validation(const std::vector<uint32_t>& words);
+    base::Status verdict;
+    base::Task task;   //!< reads `words`
+  };
+  std::shared_ptr<Validation> validation_;
 
   uint64_t groupDecorations_ = 0;
   std::vector<uint32_t> definitions_;  //!< index of the defining instruction + 1

@@ -14,6 +14,10 @@
 #include "base/result.h"
 #include "spirv_interp/ir/ir.h"
 
+namespace pumice::base {
+class ThreadPool;
+}
+
 namespace pumice::frontend {
 
 using base::Result;
@@ -84,11 +88,12 @@ struct SpecializationConstant {
 class Module;
 enum class Validate : uint8_t {
   First,   //!< an invalid module gives an error with the validator's text
-  Beside,  //!< on a thread of its own; validity() waits for it
+  Beside,  //!< on a worker; validity() waits for it, or does it when no worker has begun
 };
-base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate validate = Validate::First);
-//! What the validator has against a module that was parsed with Validate::Beside.
-base::Status validity(const Module& module);
+base::Result<std::shared_ptr<const Module>> parseModule(std::span<const uint32_t> words, Validate validate = Validate::First,
+                                                        base::ThreadPool* workers = nullptr);
+//! What the validator has against a module that was parsed with Validate::Beside. While a worker is at it, other tasks are done.
+base::Status validity(const Module& module, base::ThreadPool* workers = nullptr);
 
 //! Errors name what is invalid or not supported (opcode, capability) and where.
 base::Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stage, std::string_view entryPoint,

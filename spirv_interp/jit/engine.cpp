@@ -29,11 +29,18 @@ struct Settings {
   }
 };
 
+const Settings& settings() {
+  static const Settings once;
+  return once;
+}
+
 }  // namespace
+
+bool emitsCode() { return settings().native; }
 
 interp::Result<std::unique_ptr<interp::Executable>> makeExecutable(const ir::Function& f, const interp::CompileOptions& options,
                                                                    bool wholeBlocks, uint32_t chunkLanes) {
-  static const Settings settings;
+  const Settings& settings = jit::settings();
   if (settings.dumpIr) std::fputs(ir::print(f).c_str(), stderr);
   // Checks (PUMICE_CHECK) are the interpreter's.
   const bool checks = std::any_of(f.insts.begin(), f.insts.end(), [](const ir::Inst& i) { return i.op == ir::Op::Check; });

@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <filesystem>
@@ -193,6 +194,100 @@ TEST(ThreadPool, TheFloatingPointEnvironmentIsTheDefaultInside) {
 #else
   GTEST_SKIP() << "written for x86-64";
 #endif
+}
+
+//! A pool of two whose worker is busy until release().
+struct BusyPool {
+  ThreadPool pool{2};
+  Gate begun{2}, over{2};
+  std::shared_ptr<Task> holding = std::make_shared<Task>([this] {
+    begun.pass();
+    over.pass();
+  });
+  BusyPool() {
+    pool.post(holding);
+    begun.pass();
+  }
+  void release() {
+    over.pass();
+    holding->finish();
+  }
+};
+
+TEST(Task, IsDoneOnceByWhoeverIsFirst) {
+  ThreadPool pool(4);
+  std::vector<int> runs(2000, 0);   // plain: each by one thread, then read
+  std::vector<std::shared_ptr<Task>> tasks;
+  for (int& each : runs) {
+    tasks.push_back(std::make_shared<Task>([&each] { each++; }));
+    pool.post(tasks.back());
+  }
+  pool.parallelFor(uint32_t(tasks.size()), [&](uint32_t i, unsigned) { tasks[i]->finish(); });
+  for (auto& task : tasks) {
+    EXPECT_TRUE(task->done());
+    pool.finish(*task);
+  }
+  EXPECT_EQ(std::count(runs.begin(), runs.end(), 1), int(runs.size()));
+}
+
+TEST(Task, AWorkerDoesItUnasked) {
+  ThreadPool pool(2);
+  std::atomic<bool> right{false};
+  auto task = std::make_shared<Task>([&, here = std::this_thread::get_id()] { right = std::this_thread::get_id() != here && (readFpEnv() & ~0x3fu) == kDefaultFpEnv; });
+  pool.post(task);
+  for (int i = 0; i < 5000 && !task->done(); i++) ::usleep(1000);
+  EXPECT_TRUE(task->done());
+  EXPECT_TRUE(right);
+}
+
+TEST(Task, OneThreadDoesItAtOnce) {
+  ThreadPool pool(1);
+  auto task = std::make_shared<Task>([] {});
+  pool.post(task);
+  EXPECT_TRUE(task->done());
+}
+
+TEST(Task, WhoWaitsForOneDoesOthers) {
+  BusyPool busy;
+  auto last = std::make_shared<Task>([] {});
+  busy.pool.post(last);
+  busy.pool.post(std::make_shared<Task>([] { ADD_FAILURE() << "nobody holds this one"; }));
+  auto urgent = std::make_shared<Task>([&, last] { EXPECT_FALSE(last->done()); });
+  busy.pool.post(urgent, true);
+  // The worker cannot: only the waiting thread can do these, and then it waits for the worker.
+  std::thread waiting([&] { busy.pool.finish(*busy.holding); });
+  for (int i = 0; i < 5000 && !(urgent->done() && last->done()); i++) ::usleep(1000);
+  EXPECT_TRUE(urgent->done());
+  EXPECT_TRUE(last->done());
+  EXPECT_FALSE(busy.holding->done());
+  busy.release();
+  waiting.join();
+}
+
+TEST(Task, OneThatIsGivenUpIsNeverBegun) {
+  bool ran = false;
+  auto task = std::make_shared<Task>([&] { ran = true; });
+  {
+    BusyPool busy;
+    busy.pool.post(task);
+    task->abandon();
+    busy.release();
+  }
+  task->finish();
+  EXPECT_FALSE(ran);
+}
+
+TEST(Task, APoolMayGoBeforeItsTasks) {
+  bool ran = false;
+  auto task = std::make_shared<Task>([&] { ran = true; });
+  {
+    BusyPool busy;
+    busy.pool.post(task);
+    std::thread later([&] { busy.release(); });
+    later.join();
+  }
+  task->finish();
+  EXPECT_TRUE(ran);
 }
 
 #if !defined(__SANITIZE_THREAD__)

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <random>
 
+#include "base/threads.h"
 #include "spirv_interp/frontend/module.h"
 #include "spirv_interp/frontend/shader.h"
 #include "tests/frontend/compile.h"
@@ -89,6 +90,12 @@ TEST(BadInput, TheValidatorBesideSaysWhatItSaysBefore) {
     auto module = parseModule(w, Validate::Beside);
     ASSERT_TRUE(module.hasValue()) << module.error().message;
     EXPECT_EQ(validity(**module).error().message, first.error().message);
+    base::ThreadPool workers(2);
+    module = parseModule(w, Validate::Beside, &workers);
+    ASSERT_TRUE(module.hasValue()) << module.error().message;
+    EXPECT_EQ(validity(**module, &workers).error().message, first.error().message);
+    // One that nobody asks may go while a worker reads it.
+    for (int i = 0; i < 20; i++) (void)parseModule(w, Validate::Beside, &workers);
     refused++;
   }
   EXPECT_EQ(refused, 1) << "no change of one word that the translator takes and the validator does not";
