@@ -14,6 +14,7 @@ namespace pumice::pipeline {
   X(WholeBlocks, "whole-blocks")      \
   X(LazyClear, "lazy-clear")          \
   X(OneColor, "one-color")            \
+  X(Squares, "squares")               \
   X(Preamble, "preamble")             \
   X(Interleaving, "interleaving")     \
   X(SpecialisedSampling, "specialised-sampling")

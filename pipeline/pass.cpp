@@ -107,6 +107,12 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   depth = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_DEPTH_BIT);
   depthKind = depth.base ? kindOf(pass.depthStencil.format) : std::nullopt;
   if (depthKind && pass.depthStencil.memory.layout->plane(VK_IMAGE_ASPECT_DEPTH_BIT).elementBytes != raster::depthBytes(*depthKind)) depthKind.reset();
+  if (depthKind && pass.depthStencil.loadOp == VK_ATTACHMENT_LOAD_OP_CLEAR) {
+    std::byte element[32] = {};
+    texture::packClearValue(*texture::formatInfo(pass.depthStencil.format), VK_IMAGE_ASPECT_DEPTH_BIT, pass.depthStencil.clear, element);
+    clearDepth = 0;
+    std::memcpy(&clearDepth, element, raster::depthBytes(*depthKind));
+  }
   stencil = planeOf(pass.depthStencil, VK_IMAGE_ASPECT_STENCIL_BIT);
   if (pass.depthStencil.memory.layout) samples = pass.depthStencil.memory.layout->samples;
   pass.layers = std::max(pass.layers, 1u);

@@ -80,6 +80,7 @@ struct PassExecutor::Impl {
   std::vector<uint32_t> decisionWords;   //!< its memory, in blocks as attachments have them
   DecisionRecord decisionRecord; //!< of the last finished pass
   std::optional<raster::DepthKind> depthKind;   //!< how depth is stored, if tiles can deal with it
+  uint32_t clearDepth = 0;       //!< then: the clear value as it is stored, where the load operation clears
   Ideas disabled;
   std::deque<std::unique_ptr<DrawRecord>> draws;
   std::optional<raster::Bins> bins;

@@ -11,7 +11,7 @@
 namespace pumice::pipeline {
 
 TileWorker::TileWorker(PassExecutor::Impl& pass, Ideas disabled)
-    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), lazyClear_(!(disabled & bit(Idea::LazyClear))), colors_(pass), row_(pass, colors_), visibility_(hiZ_) {}
+    : pass_(pass), hiZ_(!(disabled & bit(Idea::HiZ))), lazyClear_(!(disabled & bit(Idea::LazyClear))), colors_(pass), row_(pass, colors_), visibility_(hiZ_, true, !(disabled & bit(Idea::Squares))) {}
 
 void TileWorker::loadOps(const VkRect2D& rect) {
   const PassBegin& p = pass_.pass;
@@ -67,14 +67,10 @@ void TileWorker::loadDepth(const VkRect2D& rect) {
     fillAttachment(d, VK_IMAGE_ASPECT_DEPTH_BIT, layer_, 1, rect, d.clear);
     return;
   }
-  std::byte element[32] = {};
-  texture::packClearValue(*texture::formatInfo(d.format), VK_IMAGE_ASPECT_DEPTH_BIT, d.clear, element);
-  uint32_t stored = 0;
-  std::memcpy(&stored, element, raster::depthBytes(*pass_.depthKind));
   VkRect2D inTile = rect;
   inTile.offset.x -= int32_t(tileX_ * raster::kTileSize);
   inTile.offset.y -= int32_t(tileY_ * raster::kTileSize);
-  visibility_.clearDepth(inTile, stored);
+  visibility_.clearDepth(inTile, pass_.clearDepth);
 }
 
 // What the operations of this tile's attachments move: nothing for DONT_CARE and NONE, nor where no draw reaches.
@@ -144,14 +140,14 @@ void TileWorker::tile(uint32_t index) {
     if (draw->isClear) {
       clear(*draw, rect);
     } else if (draw->settled) {
-      opaque(*draw, *entry.primitive);
+      opaque(*draw, *entry.primitive, entry.whole);
     } else {
       other(*draw, *entry.primitive);
     }
   }
   settle();
   finishClears();
-  if (pass_.keepsDepth()) visibility_.materialise();
+  if (pass_.keepsDepth()) visibility_.storeDepth();
   row_.setDraw(nullptr);
   draw_ = nullptr;
   row_.dropRecords();
@@ -190,7 +186,7 @@ void TileWorker::setOpaqueDraw(DrawRecord* draw) {
   if (draw) visibility_.beginDraw(draw, draw->visibility->depth, draw->visibility->colors != 0);
 }
 
-void TileWorker::opaque(DrawRecord& draw, const raster::Primitive& primitive) {
+void TileWorker::opaque(DrawRecord& draw, const raster::Primitive& primitive, bool whole) {
   if (&draw != run_) {
     if (!run_) {
       // What came before may still be in the row.
@@ -208,7 +204,7 @@ void TileWorker::opaque(DrawRecord& draw, const raster::Primitive& primitive) {
     setOpaqueDraw(&draw);
   }
   const raster::DepthRange& range = draw.clamp(primitive.viewport);
-  visibility_.draw(primitive, range, draw.visibility->sampleMask, pass_.pass.renderArea);
+  visibility_.draw(primitive, range, draw.visibility->sampleMask, pass_.pass.renderArea, whole);
 }
 
 void TileWorker::settle() {

@@ -28,7 +28,7 @@ struct TileWorker final : raster::BlockSink {
   void clear(const DrawRecord& draw, const VkRect2D& rect);
   //! Load operations that were put off, but for blocks (bit each) that `colors` are about to be written to as a whole.
   void finishClears(const uint64_t* written = nullptr, uint32_t colors = 0);
-  void opaque(DrawRecord& draw, const raster::Primitive& primitive);
+  void opaque(DrawRecord& draw, const raster::Primitive& primitive, bool whole);
   void other(DrawRecord& draw, const raster::Primitive& primitive);
   void setOpaqueDraw(DrawRecord* draw);
   //! Shades what is pending.

@@ -1,6 +1,7 @@
 // Bins, sample locations and fragment records.
 #include <algorithm>
 #include <bit>
+#include <cstdlib>
 #include <cstring>
 
 #include "raster/tiles.h"
@@ -13,23 +14,35 @@ void Bins::addToSome(uint32_t draw, const Primitive& p) {
   const int32_t x0 = std::max(p.minX, 0) / kTile, x1 = std::min(p.maxX / kTile, int32_t(grid_.tilesX) - 1);
   const int32_t y0 = std::max(p.minY, 0) / kTile, y1 = std::min(p.maxY / kTile, int32_t(grid_.tilesY) - 1);
   if (x0 > x1 || y0 > y1) return;
-  const BinEntry entry{draw, &p};
   if (p.layer >= grid_.layers) return;
   const size_t layer = size_t(p.layer) * grid_.tilesX * grid_.tilesY;
   // A tile is left out when even its corner that is deepest inside lies outside one edge. Samples lie on
   // [0, 255] / 256 of their pixel, so the tile spans [0, last] in 1/256 pixels.
   constexpr int64_t kSpan = int64_t(kTile) * kSubpixelOne;
   constexpr int64_t kLast = kSpan - 1;
+  // It covers all of a tile when the corner that is least inside lies inside of all edges, and its rectangle goes as far.
+  // Two edges each: at the deepest corner; to the next tile; from the deepest corner to the least deep one.
+  typedef int64_t Two __attribute__((vector_size(16)));
+  const int32_t wholeX0 = (p.minX + kTile - 1) / kTile, wholeX1 = (p.maxX + 1) / kTile - 1;
+  const int32_t wholeY0 = (p.minY + kTile - 1) / kTile, wholeY1 = (p.maxY + 1) / kTile - 1;
   for (int32_t y = y0; y <= y1; y++) {
-    for (int32_t x = x0; x <= x1; x++) {
-      bool touches = true;
-      for (uint32_t e = 0; e < p.edgeCount; e++) {
-        const Edge& edge = p.edges[e];
-        const int64_t cornerX = x * kSpan + (edge.a > 0 ? kLast : 0);
-        const int64_t cornerY = y * kSpan + (edge.b > 0 ? kLast : 0);
-        touches &= edge.a * cornerX + edge.b * cornerY + edge.c >= 0;
-      }
-      if (touches) tiles_[layer + size_t(y) * grid_.tilesX + x].push_back(entry);
+    Two best[2] = {}, across[2] = {}, spread[2] = {};
+    for (uint32_t e = 0; e < p.edgeCount; e++) {
+      const Edge& edge = p.edges[e];
+      const int64_t cornerX = x0 * kSpan + (edge.a > 0 ? kLast : 0), cornerY = y * kSpan + (edge.b > 0 ? kLast : 0);
+      best[e / 2][e % 2] = edge.a * cornerX + edge.b * cornerY + edge.c;
+      across[e / 2][e % 2] = edge.a * kSpan;
+      spread[e / 2][e % 2] = (std::abs(int64_t(edge.a)) + std::abs(int64_t(edge.b))) * kLast;
+    }
+    const bool wholeRow = p.edgeCount && y >= wholeY0 && y <= wholeY1;
+    std::vector<BinEntry>* tile = &tiles_[layer + size_t(y) * grid_.tilesX + x0];
+    for (int32_t x = x0; x <= x1; x++, tile++) {
+      // Negative as soon as one edge says so.
+      const Two least = best[0] | best[1], leastWhole = (best[0] - spread[0]) | (best[1] - spread[1]);
+      best[0] += across[0];
+      best[1] += across[1];
+      if ((least[0] | least[1]) < 0) continue;
+      tile->push_back({draw, wholeRow && (leastWhole[0] | leastWhole[1]) >= 0 && x >= wholeX0 && x <= wholeX1, &p});
     }
   }
 }

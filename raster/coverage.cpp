@@ -53,6 +53,18 @@ inline uint32_t placesInside(const TileBox& r, int x, int y, int shift) {
   return kLineMasks.columns[set(r.x0, r.x1, x)] & kLineMasks.rows[set(r.y0, r.y1, y)];
 }
 
+// The squares of 16 pixels that the rectangle contains, in the same order.
+inline uint32_t squaresWithin(const TileBox& r) {
+  const auto set = [](int low, int high) {
+    const int first = (low + 15) >> 4, end = (high + 1) >> 4;
+    return first >= end ? 0u : (0xfu >> (4 - end)) & (0xfu << first);
+  };
+  return kLineMasks.columns[set(r.x0, r.x1)] & kLineMasks.rows[set(r.y0, r.y1)];
+}
+
+// From quad-major order to row by row, and back.
+inline uint32_t rowByRow(uint32_t mask) { return (mask & 0xc3c3) | (mask & 0x0c0c) << 2 | (mask & 0x3030) >> 2; }
+
 // One edge that cuts the rectangle. Values are at the tile's pixel (0, 0).
 template <typename T>
 struct TileEdge {
@@ -150,6 +162,10 @@ class TileRasterizer {
       const T here = e.step(x, y);
       alive &= ~negativePlaces<shift>(T(e.high + here + e.inward(kLast)), e);
       partial[k] = negativePlaces<shift>(T(e.low + here + e.outward(kLast)), e);
+    }
+    if constexpr (shift == 4) {
+      const uint32_t whole = alive & ~(partial[0] | partial[1] | partial[2] | partial[3]) & squaresWithin(rect_);
+      if (whole) alive &= ~rowByRow(sink_.squares(rowByRow(whole)));
     }
     for (; alive; alive &= alive - 1) {
       const int i = std::countr_zero(alive);

@@ -46,6 +46,14 @@ PUMICE_INLINE __m256 keys(const DepthEquation& d, DepthKind kind, __m256 x, __m2
   return _mm256_blendv_ps(product, small, _mm256_cmp_ps(product, two23, _CMP_LT_OQ));
 }
 
+//! DepthKernels::bounds().
+PUMICE_INLINE KeyBounds bounds(const DepthEquation& d, DepthKind kind, const Places& p) {
+  const float xl = d.dx >= 0 ? p.x0 : p.x1, xh = d.dx >= 0 ? p.x1 : p.x0, yl = d.dy >= 0 ? p.y0 : p.y1, yh = d.dy >= 0 ? p.y1 : p.y0;
+  const __m256 k = keys(d, kind, _mm256_castps128_ps256(_mm_unpacklo_ps(_mm_set_ss(xl), _mm_set_ss(xh))),
+                        _mm256_castps128_ps256(_mm_unpacklo_ps(_mm_set_ss(yl), _mm_set_ss(yh))));
+  return {_mm256_cvtss_f32(k), _mm_cvtss_f32(_mm_movehdup_ps(_mm256_castps256_ps128(k)))};
+}
+
 PUMICE_INLINE __m256 compareKeys(VkCompareOp op, __m256 own, __m256 stored) {
   switch (op) {
     case VK_COMPARE_OP_NEVER: return _mm256_setzero_ps();

@@ -82,13 +82,28 @@ KeyBounds bounds(const DepthEquation& d, DepthKind kind, const Places& p) {
   return {keyAt(d, kind, d.dx >= 0 ? p.x0 : p.x1, d.dy >= 0 ? p.y0 : p.y1), keyAt(d, kind, d.dx >= 0 ? p.x1 : p.x0, d.dy >= 0 ? p.y1 : p.y0)};
 }
 
-void boundsOfBlocks(const DepthEquation& d, DepthKind kind, const Places& first, float* low, float* high) {
+void boundsOfGrid(const DepthEquation& d, DepthKind kind, const Places& first, float step, float* low, float* high) {
   for (int i = 0; i < 16; i++) {
-    const float x = float(i & 3) * 4, y = float(i >> 2) * 4;
+    const float x = float(i & 3) * step, y = float(i >> 2) * step;
     const KeyBounds b = bounds(d, kind, {first.x0 + x, first.y0 + y, first.x1 + x, first.y1 + y});
     low[i] = b.low;
     high[i] = b.high;
   }
+}
+void boundsOfBlocks(const DepthEquation& d, DepthKind kind, const Places& first, float* low, float* high) {
+  boundsOfGrid(d, kind, first, 4, low, high);
+}
+
+SquareOutcomes testSquares(const DepthEquation& d, DepthKind kind, VkCompareOp op, const Places& first, const float* storedLow,
+                           const float* storedHigh, float* low, float* high) {
+  boundsOfGrid(d, kind, first, 16, low, high);
+  SquareOutcomes all{};
+  for (uint32_t i = 0; i < 16; i++) {
+    const Outcome one = compareBounds(op, {low[i], high[i]}, {storedLow[i], storedHigh[i]});
+    all.fails |= uint32_t(one == Outcome::Fails) << i;
+    all.passes |= uint32_t(one == Outcome::Passes) << i;
+  }
+  return all;
 }
 
 void write(const DepthEquation& d, DepthKind kind, float x, float y, std::byte* memory) {
@@ -124,7 +139,7 @@ void test(const DepthEquation& d, DepthKind kind, VkCompareOp compare, bool writ
 
 }  // namespace plain
 
-constexpr DepthKernels kPlain = {plain::bounds, plain::boundsOfBlocks, plain::write, plain::test};
+constexpr DepthKernels kPlain = {plain::bounds, plain::boundsOfBlocks, plain::testSquares, plain::write, plain::test};
 
 #if defined(__x86_64__)
 // ---- AVX2 and FMA: the same formulas on two vectors of eight
@@ -133,20 +148,52 @@ constexpr DepthKernels kPlain = {plain::bounds, plain::boundsOfBlocks, plain::wr
 namespace avx2 {
 using namespace depth_avx2;
 
-KeyBounds bounds(const DepthEquation& d, DepthKind kind, const Places& p) {
+KeyBounds bounds(const DepthEquation& d, DepthKind kind, const Places& p) { return depth_avx2::bounds(d, kind, p); }
+
+// Of sixteen rectangles, four in a row, `step` apart: eight from row `half * 2` on.
+template <int step>
+inline __attribute__((always_inline)) void boundsOfHalf(const DepthEquation& d, DepthKind kind, const Places& p, int half, __m256& low, __m256& high) {
   const float xl = d.dx >= 0 ? p.x0 : p.x1, xh = d.dx >= 0 ? p.x1 : p.x0, yl = d.dy >= 0 ? p.y0 : p.y1, yh = d.dy >= 0 ? p.y1 : p.y0;
-  const __m256 k = keys(d, kind, _mm256_setr_ps(xl, xh, xl, xl, xl, xl, xl, xl), _mm256_setr_ps(yl, yh, yl, yl, yl, yl, yl, yl));
-  return {_mm256_cvtss_f32(k), _mm_cvtss_f32(_mm_movehdup_ps(_mm256_castps256_ps128(k)))};
+  const __m256 across = _mm256_setr_ps(0, step, 2 * step, 3 * step, 0, step, 2 * step, 3 * step), down = _mm256_setr_ps(0, 0, 0, 0, step, step, step, step);
+  const float y = float(half * 2 * step);
+  low = keys(d, kind, _mm256_add_ps(_mm256_set1_ps(xl), across), _mm256_add_ps(_mm256_set1_ps(yl + y), down));
+  high = keys(d, kind, _mm256_add_ps(_mm256_set1_ps(xh), across), _mm256_add_ps(_mm256_set1_ps(yh + y), down));
 }
 
 void boundsOfBlocks(const DepthEquation& d, DepthKind kind, const Places& p, float* low, float* high) {
-  const float xl = d.dx >= 0 ? p.x0 : p.x1, xh = d.dx >= 0 ? p.x1 : p.x0, yl = d.dy >= 0 ? p.y0 : p.y1, yh = d.dy >= 0 ? p.y1 : p.y0;
-  const __m256 across = _mm256_setr_ps(0, 4, 8, 12, 0, 4, 8, 12), down = _mm256_setr_ps(0, 0, 0, 0, 4, 4, 4, 4);
   for (int half = 0; half < 2; half++) {
-    const float y = float(half * 8);
-    _mm256_storeu_ps(low + half * 8, keys(d, kind, _mm256_add_ps(_mm256_set1_ps(xl), across), _mm256_add_ps(_mm256_set1_ps(yl + y), down)));
-    _mm256_storeu_ps(high + half * 8, keys(d, kind, _mm256_add_ps(_mm256_set1_ps(xh), across), _mm256_add_ps(_mm256_set1_ps(yh + y), down)));
+    __m256 l, h;
+    boundsOfHalf<4>(d, kind, p, half, l, h);
+    _mm256_storeu_ps(low + half * 8, l);
+    _mm256_storeu_ps(high + half * 8, h);
   }
+}
+
+SquareOutcomes testSquares(const DepthEquation& d, DepthKind kind, VkCompareOp op, const Places& first, const float* storedLow,
+                           const float* storedHigh, float* low, float* high) {
+  SquareOutcomes all{};
+  for (int half = 0; half < 2; half++) {
+    __m256 l, h;
+    boundsOfHalf<16>(d, kind, first, half, l, h);
+    _mm256_storeu_ps(low + half * 8, l);
+    _mm256_storeu_ps(high + half * 8, h);
+    const __m256 sl = _mm256_loadu_ps(storedLow + half * 8), sh = _mm256_loadu_ps(storedHigh + half * 8);
+    const __m256 none = _mm256_setzero_ps(), every = _mm256_castsi256_ps(_mm256_set1_epi32(-1));
+    __m256 fails = none, passes = none;
+    switch (op) {   // as compareBounds()
+      case VK_COMPARE_OP_NEVER: fails = every; break;
+      case VK_COMPARE_OP_LESS: fails = _mm256_cmp_ps(l, sh, _CMP_GE_OQ), passes = _mm256_cmp_ps(h, sl, _CMP_LT_OQ); break;
+      case VK_COMPARE_OP_EQUAL: fails = _mm256_or_ps(_mm256_cmp_ps(h, sl, _CMP_LT_OQ), _mm256_cmp_ps(l, sh, _CMP_GT_OQ)); break;
+      case VK_COMPARE_OP_LESS_OR_EQUAL: fails = _mm256_cmp_ps(l, sh, _CMP_GT_OQ), passes = _mm256_cmp_ps(h, sl, _CMP_LE_OQ); break;
+      case VK_COMPARE_OP_GREATER: fails = _mm256_cmp_ps(h, sl, _CMP_LE_OQ), passes = _mm256_cmp_ps(l, sh, _CMP_GT_OQ); break;
+      case VK_COMPARE_OP_NOT_EQUAL: passes = _mm256_or_ps(_mm256_cmp_ps(h, sl, _CMP_LT_OQ), _mm256_cmp_ps(l, sh, _CMP_GT_OQ)); break;
+      case VK_COMPARE_OP_GREATER_OR_EQUAL: fails = _mm256_cmp_ps(h, sl, _CMP_LT_OQ), passes = _mm256_cmp_ps(l, sh, _CMP_GE_OQ); break;
+      default: passes = every; break;
+    }
+    all.fails |= uint32_t(_mm256_movemask_ps(fails)) << (half * 8);
+    all.passes |= uint32_t(_mm256_movemask_ps(_mm256_andnot_ps(fails, passes))) << (half * 8);
+  }
+  return all;
 }
 
 void write(const DepthEquation& d, DepthKind kind, float x, float y, std::byte* memory) {
@@ -170,7 +217,7 @@ void test(const DepthEquation& d, DepthKind kind, VkCompareOp compare, bool writ
 }  // namespace avx2
 #pragma GCC pop_options
 
-constexpr DepthKernels kAvx2 = {avx2::bounds, avx2::boundsOfBlocks, avx2::write, avx2::test};
+constexpr DepthKernels kAvx2 = {avx2::bounds, avx2::boundsOfBlocks, avx2::testSquares, avx2::write, avx2::test};
 #endif
 
 }  // namespace

@@ -43,6 +43,11 @@ struct Places {
   float x0, y0, x1, y1;
 };
 
+//! Of a tile's squares, bit each: all of one's samples fail, or pass. Neither: nothing is known.
+struct SquareOutcomes {
+  uint32_t fails, passes;
+};
+
 //! A block of depths, `count` planes of it.
 struct BlockSamples {
   uint32_t count;
@@ -57,6 +62,9 @@ struct DepthKernels {
   KeyBounds (*bounds)(const DepthEquation& depth, DepthKind kind, const Places& places);
   //! The same for each of the sixteen blocks of a 16x16 square, row by row; `first` is the first block's rectangle.
   void (*boundsOfBlocks)(const DepthEquation& depth, DepthKind kind, const Places& first, float* low, float* high);
+  //! The same for the sixteen 16x16 squares of a tile, and what these bounds say of tests against those of what is stored.
+  SquareOutcomes (*testSquares)(const DepthEquation& depth, DepthKind kind, VkCompareOp compare, const Places& first, const float* storedLow,
+                                const float* storedHigh, float* low, float* high);
   //! Writes the block's sixteen depths (quad-major). (x, y): the sample's place in the block's first pixel.
   void (*write)(const DepthEquation& depth, DepthKind kind, float x, float y, std::byte* memory);
   //! Tests a block's samples, those of `masks[s]` of each plane, writes those that pass if `write` is set, and gives them in `passed`.

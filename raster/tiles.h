@@ -28,7 +28,11 @@ struct TileGrid {
 };
 
 //! One entry of a tile's bin: draw and primitive, in API order.
-struct BinEntry { uint32_t draw; const Primitive* primitive; };
+struct BinEntry {
+  uint32_t draw;
+  bool whole;                      //!< the primitive covers all of the tile
+  const Primitive* primitive;
+};
 
 //! Bins of one render pass. Filled by one thread per chunk; chunks keep API order, so that parallel filling never changes a tile's order.
 class Bins {
@@ -39,7 +43,7 @@ class Bins {
   void add(uint32_t draw, const Primitive& primitive) { add(draw, primitive, grid_.onlyTile(primitive)); }
   //! The same for one whose onlyTile() is known: then nothing is read of the primitive if it lies in one tile.
   void add(uint32_t draw, const Primitive& primitive, uint32_t onlyTile) {
-    if (onlyTile != TileGrid::kNotOne) tiles_[onlyTile].push_back({draw, &primitive});
+    if (onlyTile != TileGrid::kNotOne) tiles_[onlyTile].push_back({draw, false, &primitive});
     else addToSome(draw, primitive);
   }
   std::span<const BinEntry> tile(uint32_t index) const { return tiles_[index]; }
@@ -76,6 +80,9 @@ class BlockSink {
   //! Before the blocks of a square of 64 or 16 pixels at (x, y): all samples of it are covered (whole), or some may be. True: its
   //! blocks are not wanted. Small primitives come as blocks only.
   virtual bool square(uint32_t, uint32_t, uint32_t, bool) { return false; }
+  //! Before that, all squares of 16 pixels in the tile that are covered as a whole, row by row, bit each. Gives those that square() need
+  //! not be asked about any more, as their blocks are not wanted.
+  virtual uint32_t squares(uint32_t /*whole*/) { return 0; }
   //! Some blocks at once, of the tile whose corner is (tileX, tileY) pixels.
   virtual void blocks(uint32_t tileX, uint32_t tileY, const BlockList& list) {
     for (uint32_t i = 0; i < list.count; i++)

@@ -110,8 +110,8 @@ void Visibility::begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const D
   winners_.resize(std::max(winners_.size(), size_t(kBlocksPerTile) * samples_));
   takeBlocks_ = vectors_ && depth.base ? takeBlocksFor(depth.kind, samples_) : nullptr;
   takeMixed_ = vectors_ ? takeMixedFor(samples_) : takeMixed;
-  std::fill(std::begin(source_), std::end(source_), kMemory);
-  std::fill(std::begin(owner_), std::end(owner_), kNone);
+  lazyOwner_ = 0xffff;
+  std::fill(std::begin(squareOwner_), std::end(squareOwner_), kNone);
   std::fill(std::begin(virtual_), std::end(virtual_), 0);
   std::fill(std::begin(pending_), std::end(pending_), 0);
   entries_.clear();
@@ -122,9 +122,13 @@ void Visibility::begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const D
 }
 
 void Visibility::forgetDepth() {
-  std::fill(std::begin(low_), std::end(low_), -kInfinity);
-  std::fill(std::begin(high_), std::end(high_), kInfinity);
-  staleSquares_ = 0xffff;
+  lazyDepth_ = 0xffff;
+  staleSquares_ = 0;
+  tileKnown_ = false;
+  std::fill(std::begin(squareSource_), std::end(squareSource_), kMemory);
+  std::fill(std::begin(squareLow_), std::end(squareLow_), -kInfinity);
+  std::fill(std::begin(squareHigh_), std::end(squareHigh_), kInfinity);
+  if (!squares_) spreadAll();
 }
 
 void Visibility::fetchDepth() const {
@@ -140,6 +144,17 @@ void Visibility::clearDepth(const VkRect2D& r, uint32_t stored) {
   clearStored_ = stored;
   const float key = depthKey(memory_.kind, stored);
   const KeyBounds b = key == key ? KeyBounds{key, key} : KeyBounds{-kInfinity, kInfinity};
+  if (squares_ && r.extent.width == kTileSize && r.extent.height == kTileSize) {
+    lazyDepth_ = 0xffff;
+    staleSquares_ = 0;
+    tileKnown_ = false;
+    std::fill(std::begin(squareSource_), std::end(squareSource_), kClear);
+    std::fill(std::begin(squareLow_), std::end(squareLow_), b.low);
+    std::fill(std::begin(squareHigh_), std::end(squareHigh_), b.high);
+    std::fill(std::begin(virtual_), std::end(virtual_), ~uint64_t(0));
+    return;
+  }
+  spreadAll();
   for (uint32_t y = uint32_t(r.offset.y); y < uint32_t(r.offset.y) + r.extent.height; y += 4)
     for (uint32_t x = uint32_t(r.offset.x); x < uint32_t(r.offset.x) + r.extent.width; x += 4) {
       const uint32_t n = blockNumber(x, y);
@@ -149,12 +164,15 @@ void Visibility::clearDepth(const VkRect2D& r, uint32_t stored) {
       high_[n] = b.high;
     }
   staleSquares_ = 0xffff;
+  tileKnown_ = false;
 }
 
 void Visibility::makeReal(uint32_t block) {
-  const uint16_t source = source_[block];
-  source_[block] = kMemory;
   virtual_[block >> 6] &= ~(uint64_t(1) << (block & 63));
+  writeDepth(block, std::exchange(source_[block], kMemory));
+}
+
+void Visibility::writeDepth(uint32_t block, uint16_t source) const {
   for (uint32_t s = 0; s < samples_; s++) {
     std::byte* at = depthOf(block, s);
     if (source != kClear) {
@@ -168,9 +186,14 @@ void Visibility::makeReal(uint32_t block) {
 }
 
 void Visibility::materialise() {
+  spreadAll();
   uint64_t work[kWords];
   std::copy(std::begin(virtual_), std::end(virtual_), work);
   takeBits(work, [&](uint32_t block) { makeReal(block); });
+}
+
+void Visibility::storeDepth() {
+  takeBits(virtual_, [&](uint32_t block) { writeDepth(block, lazyDepth_ >> (block >> 4) & 1 ? squareSource_[block >> 4] : source_[block]); });
 }
 
 // ---- bounds
@@ -179,6 +202,7 @@ void Visibility::setBounds(uint32_t block, const KeyBounds& b) {
   low_[block] = b.low;
   high_[block] = b.high;
   staleSquares_ |= 1u << (block >> 4);
+  tileKnown_ = false;
 }
 
 KeyBounds Visibility::squareBounds(uint32_t square) {
@@ -201,16 +225,18 @@ KeyBounds Visibility::squareBounds(uint32_t square) {
 }
 
 KeyBounds Visibility::tileBounds() {
-  KeyBounds b{kInfinity, -kInfinity};
-  for (uint32_t square = 0; square < 16; square++) {
-    const KeyBounds s = squareBounds(square);
-    b.low = std::min(b.low, s.low);
-    b.high = std::max(b.high, s.high);
+  if (tileKnown_) return tile_;
+  for (uint32_t stale = staleSquares_; stale; stale &= stale - 1) squareBounds(uint32_t(std::countr_zero(stale)));
+  tile_ = {squareLow_[0], squareHigh_[0]};
+  for (uint32_t square = 1; square < 16; square++) {
+    tile_.low = std::min(tile_.low, squareLow_[square]);
+    tile_.high = std::max(tile_.high, squareHigh_[square]);
   }
-  return b;
+  tileKnown_ = true;
+  return tile_;
 }
 
-DepthEquation Visibility::equation(const Primitive& p, const DepthRange& clamp) const {
+inline DepthEquation Visibility::equation(const Primitive& p, const DepthRange& clamp) const {
   // As fillRecord() does.
   DepthEquation d;
   if (p.record) {
@@ -232,7 +258,7 @@ DepthEquation Visibility::equation(const Primitive& p, const DepthRange& clamp) 
 }
 
 // Keys of depths between low and high: a plane without slope takes them through clamping and packing.
-KeyBounds Visibility::keyRange(const DepthEquation& d, float low, float high) const {
+inline KeyBounds Visibility::keyRange(const DepthEquation& d, float low, float high) const {
   if (memory_.kind == DepthKind::Float32) return {std::min(std::max(low, d.low), d.high), std::min(std::max(high, d.low), d.high)};
   DepthEquation flat = d;
   flat.dx = flat.dy = 0;
@@ -251,18 +277,19 @@ void Visibility::beginDraw(void* user, const DepthTest& test, bool shaded) {
   groups_++;
 }
 
-void Visibility::draw(const Primitive& p, const DepthRange& clamp, uint32_t sampleMask, const VkRect2D& bounds) {
+void Visibility::draw(const Primitive& p, const DepthRange& clamp, uint32_t sampleMask, const VkRect2D& bounds, bool whole) {
   primitive_ = &p;
   maskedOut_ = ~sampleMask & ((1u << samples_) - 1);
   number_ = 0;
   if (test_.test) {
+    const bool large = hiZ_ && !exact_ && (whole || std::max(p.maxX - p.minX, p.maxY - p.minY) >= 16);
     equation_ = equation(p, clamp);
     tame_ = equation_.tame();
     own_ = tame_ ? keyRange(equation_, p.minZ, p.maxZ) : KeyBounds{-kInfinity, kInfinity};
-    if (hiZ_ && !exact_ && std::max(p.maxX - p.minX, p.maxY - p.minY) >= 16 && compareBounds(test_.compare, own_, tileBounds()) == Outcome::Fails)
-      return;
+    if (large && compareBounds(test_.compare, own_, tileBounds()) == Outcome::Fails) return;
   }
-  rasterize(p, tileX_, tileY_, bounds, samples_, *this);
+  if (whole && !maskedOut_) squares(0xffff);
+  else rasterize(p, tileX_, tileY_, bounds, samples_, *this);
 }
 
 uint16_t Visibility::number() {
@@ -352,6 +379,7 @@ void Visibility::block(uint32_t x, uint32_t y, const uint16_t* given) {
     masks = some;
   }
   const uint32_t n = blockNumber(x & kTileMask, y & kTileMask);
+  spread(n >> 4);
   uint32_t any = masks[0], every = masks[0];
   for (uint32_t s = 1; s < samples_; s++) {
     any |= masks[s];
@@ -383,68 +411,11 @@ void Visibility::blocks(uint32_t tileX, uint32_t tileY, const BlockList& list) {
   else BlockSink::blocks(tileX, tileY, list);
 }
 
-bool Visibility::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
-  x &= kTileMask;
-  y &= kTileMask;
-  if (!whole || maskedOut_) {
-    if (!hiZ_ || exact_ || !test_.test || size > 16) return false;
-    const KeyBounds mine = tame_ ? kernels_.bounds(equation_, memory_.kind, placesOf(x, y, size)) : own_;
-    return compareBounds(test_.compare, mine, squareBounds(blockNumber(x, y) >> 4)) == Outcome::Fails;
-  }
-  if (size > 16) {
-    for (uint32_t sy = 0; sy < size; sy += 16)
-      for (uint32_t sx = 0; sx < size; sx += 16) square(x + sx, y + sy, 16, true);
-    return true;
-  }
-  const uint32_t first = blockNumber(x, y), samples = 256 * samples_;
-  counters.fragments += 256;
-  counters.tested += samples;
-  const auto ownAll = [&] {
-    counters.passed += samples;
-    drawPassed += samples;
-    if (!shaded_) return;
-    runPassed_ += samples;
-    setSixteen(owner_ + first, number());
-    pending_[first >> 6] |= uint64_t(0xffff) << (first & 63);
-  };
-  if (!test_.test) {
-    ownAll();
-    return true;
-  }
-  alignas(32) float low[16], high[16];
-  if (hiZ_ && tame_) {
-    kernels_.boundsOfBlocks(equation_, memory_.kind, placesOf(x, y, 4), low, high);
-    // The square's corners are corners of its corner blocks.
-    const KeyBounds mine = {std::min({low[0], low[3], low[12], low[15]}), std::max({high[0], high[3], high[12], high[15]})};
-    const Outcome outcome = compareBounds(test_.compare, mine, squareBounds(first >> 4));
-    if (outcome == Outcome::Fails) {
-      counters.rejected += samples;
-      return true;
-    }
-    if (outcome == Outcome::Passes) {
-      ownAll();
-      if (!test_.write) return true;
-      setSixteen(source_ + first, number());
-      virtual_[first >> 6] |= uint64_t(0xffff) << (first & 63);
-      std::memcpy(low_ + first, low, sizeof low);
-      std::memcpy(high_ + first, high, sizeof high);
-      squareLow_[first >> 4] = mine.low;
-      squareHigh_[first >> 4] = mine.high;
-      staleSquares_ &= ~(1u << (first >> 4));
-      return true;
-    }
-  } else {
-    std::fill_n(low, 16, own_.low);
-    std::fill_n(high, 16, own_.high);
-  }
-  for (uint32_t i = 0; i < 16; i++) full(first + i, {low[i], high[i]});
-  return true;
-}
-
 void Visibility::ownedBlocks(uint64_t (&out)[kWords]) const {
   for (uint32_t w = 0; w < kWords; w++) {
     uint64_t mixed = 0;
-    for (uint32_t k = 0; k < 64 && pending_[w]; k += 16) mixed |= uint64_t(equalTo(owner_ + w * 64 + k, kMixed)) << k;
+    for (uint32_t k = 0; k < 64 && pending_[w]; k += 16)
+      if (!(lazyOwner_ >> (w * 4 + k / 16) & 1)) mixed |= uint64_t(equalTo(owner_ + w * 64 + k, kMixed)) << k;
     out[w] = pending_[w] & ~mixed;
   }
 }
@@ -481,6 +452,14 @@ Visibility::Winners Visibility::takeWinners() {
     kept += uint64_t(blocks) * 16 * samples_;
   };
   for (uint32_t first = 0; first < kBlocksPerTile; first += 8) {
+    if (lazyOwner_ >> (first >> 4) & 1) {
+      if (const uint16_t owner = std::exchange(squareOwner_[first >> 4], kNone); owner != kNone) {
+        pending_[first >> 6] &= ~(uint64_t(0xffff) << (first & 63));
+        put(first, owner, 16);
+      }
+      first += 8;
+      continue;
+    }
     uint64_t& word = pending_[first >> 6];
     const uint16_t owner = owner_[first];
     if ((word >> (first & 63) & 0xff) != 0xff || owner == kMixed || !equalEight(owner_ + first, owner)) continue;

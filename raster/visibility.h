@@ -2,6 +2,8 @@
 //
 // Depth of a block is in the attachment's memory, or is still a clear value or a primitive's plane that no one has needed as numbers
 // (*virtual* depth). Winners of a block are one primitive that owns all of it, or one number per sample.
+// Where both are the same for all blocks of a 16x16 square, they stand there once, until a block has to be looked at
+// (visible_squares.cpp).
 #pragma once
 
 #include <vector>
@@ -45,7 +47,7 @@ class Visibility final : public BlockSink {
     const std::byte* record;       //!< the primitive's own, if it has one
     DepthEquation depth;
   };
-  //! Winners of one primitive in one block: a mask per sample at `masks`. Or in eight blocks from a multiple of eight on, all of them
+  //! Winners of one primitive in one block: a mask per sample at `masks`. Or in 8 or 16 blocks from a multiple of that on, all of them
   //! whole.
   struct Item {
     uint16_t entry;
@@ -54,7 +56,9 @@ class Visibility final : public BlockSink {
   };
 
   //! `vectors`: with functions of the processor's own, where there are such. Tests compare with those that run everywhere.
-  explicit Visibility(bool hiZ = true, bool vectors = true) : hiZ_(hiZ), vectors_(vectors), kernels_(vectors ? depthKernels() : plainDepthKernels()) {}
+  //! `squares`: what is the same in all of a square may stand there once.
+  explicit Visibility(bool hiZ = true, bool vectors = true, bool squares = true)
+      : hiZ_(hiZ), vectors_(vectors), squares_(squares), kernels_(vectors ? depthKernels() : plainDepthKernels()) {}
 
   //! Nothing is known of the tile, nothing pending. (tileX, tileY) counted in tiles.
   void begin(uint32_t tileX, uint32_t tileY, uint32_t samples, const DepthMemory& depth, bool exact);
@@ -66,13 +70,15 @@ class Visibility final : public BlockSink {
   void fetchDepth() const;
   //! Gives all depths to the memory.
   void materialise();
+  //! The same as the last thing before begin(): less is kept up.
+  void storeDepth();
 
   // --- opaque runs
 
   //! Primitives come from this draw now. `shaded`: it has colours to win.
   void beginDraw(void* user, const DepthTest& test, bool shaded);
-  //! `clamp`: what the draw clamps depths to. `sampleMask`: samples that may be covered.
-  void draw(const Primitive& primitive, const DepthRange& clamp, uint32_t sampleMask, const VkRect2D& bounds);
+  //! `clamp`: what the draw clamps depths to. `sampleMask`: samples that may be covered. `whole`: it covers all of the tile.
+  void draw(const Primitive& primitive, const DepthRange& clamp, uint32_t sampleMask, const VkRect2D& bounds, bool whole = false);
   bool pending() const { return (pending_[0] | pending_[1] | pending_[2] | pending_[3]) != 0; }
   //! Room for entries runs out: winners must be taken, and depths made real, before the next draw().
   bool full() const { return entries_.size() >= kMaxEntries - 1; }
@@ -103,6 +109,7 @@ class Visibility final : public BlockSink {
   void block(uint32_t x, uint32_t y, const uint16_t* masks) override;
   bool square(uint32_t x, uint32_t y, uint32_t size, bool whole) override;
   void blocks(uint32_t tileX, uint32_t tileY, const BlockList& list) override;
+  uint32_t squares(uint32_t whole) override;
 
   uint64_t drawPassed = 0;   //!< samples since it was last set to zero (occlusion queries)
   VisibilityCounters counters;
@@ -133,8 +140,16 @@ class Visibility final : public BlockSink {
   void testBlock(uint32_t block, const uint16_t* masks);
   void makeReal(uint32_t block);
   void setBounds(uint32_t block, const KeyBounds& b);
+  void writeDepth(uint32_t block, uint16_t source) const;
   KeyBounds squareBounds(uint32_t square);
   KeyBounds tileBounds();
+  void ownSquares(uint32_t squares);
+  //! Before anything of a block is looked at or changed.
+  void spread(uint32_t square) {
+    if ((lazyDepth_ | lazyOwner_) >> square & 1) spreadSquare(square);
+  }
+  void spreadSquare(uint32_t square);
+  void spreadAll();
   void splitBlock(uint32_t block);
 
   //! block() for all of a list, where depth is tested and no sample masked out (visible_blocks.cpp).
@@ -149,7 +164,7 @@ class Visibility final : public BlockSink {
   static uint32_t takeMixedAvx2(const Sixteen* winners, uint32_t samples, Item* items, uint16_t* masks);
   static TakeMixed takeMixedFor(uint32_t samples);
 
-  const bool hiZ_, vectors_;
+  const bool hiZ_, vectors_, squares_;
   const DepthKernels& kernels_;
   bool exact_ = false;
   uint32_t tileX_ = 0, tileY_ = 0, samples_ = 1;
@@ -160,8 +175,13 @@ class Visibility final : public BlockSink {
 
   alignas(64) float low_[kBlocksPerTile];
   alignas(64) float high_[kBlocksPerTile];
-  float squareLow_[16], squareHigh_[16];
+  alignas(64) float squareLow_[16], squareHigh_[16];
   uint32_t staleSquares_ = 0xffff;
+  KeyBounds tile_{};                  // of all squares, if
+  bool tileKnown_ = false;
+  // Squares, bit each, of whose blocks bounds and source_, or owner_, are not filled in: those of the square hold for all of them.
+  uint32_t lazyDepth_ = 0, lazyOwner_ = 0;
+  uint16_t squareSource_[16], squareOwner_[16];
   alignas(64) uint16_t source_[kBlocksPerTile];
   alignas(64) uint16_t owner_[kBlocksPerTile];
   uint64_t virtual_[kWords] = {}, pending_[kWords] = {};

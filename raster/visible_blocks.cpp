@@ -77,10 +77,11 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
     }
     fragments += uint32_t(__builtin_popcount(any));
     tested += count;
+    v.spread(n >> 4);
     const KeyBounds stored{v.low_[n], v.high_[n]};
     if (every == 0xffff) {
       if (hiZ && v.tame_) {
-        const KeyBounds mine = v.kernels_.bounds(v.equation_, kind, v.placesOf(blockX(n), blockY(n), 4));
+        const KeyBounds mine = depth_avx2::bounds(v.equation_, kind, v.placesOf(blockX(n), blockY(n), 4));
         const Outcome outcome = compareBounds(compare, mine, stored);
         if (outcome == Outcome::Fails) {
           rejected += count;

@@ -304,7 +304,7 @@ TEST_P(Ablation, RandomPassesHaveTheSameBitsWithEachIdeaOnOrOff) {
   uint64_t hidden = 0, rejected = 0;
   for (uint32_t seed = 0; seed < 4; seed++) {
     const Outcome usual = randomPass(seed, format, samples, kBoth);
-    for (Ideas off : {Ideas(0), bit(Idea::VisibleFirst), bit(Idea::HiZ), bit(Idea::LazyClear)}) {
+    for (Ideas off : {Ideas(0), bit(Idea::VisibleFirst), bit(Idea::HiZ), bit(Idea::LazyClear), bit(Idea::Squares)}) {
       const Outcome other = randomPass(seed, format, samples, off);
       EXPECT_EQ(other.color, usual.color) << "seed " << seed << ", off " << off;
       EXPECT_EQ(other.depth, usual.depth) << "seed " << seed << ", off " << off;

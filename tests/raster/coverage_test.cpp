@@ -179,6 +179,38 @@ TEST(Coverage, FullScreenTriangleReportsEveryBlockOnce) {
   EXPECT_EQ(picture.total(), 128u * 64);
 }
 
+TEST(Bins, SayWhichTilesAPrimitiveCoversAsAWhole) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> at(-300, 700);
+  uint32_t whole = 0, covered = 0;
+  for (int round = 0; round < 300; round++) {
+    const uint32_t samples = 1u << random() % 3;
+    Draw draw(384, 256);
+    draw.state.samples = samples;
+    if (random() % 2) draw.state.bounds = {{int32_t(random() % 130), int32_t(random() % 130)}, {64 + random() % 130, 64 + random() % 60}};
+    for (int corner = 0; corner < 3; corner++) draw.addPixel(at(random), at(random));
+    draw.setup();
+    for (const Primitive& p : draw.primitives) {
+      Bins bins{TileGrid(384, 256)};
+      bins.add(0, p);
+      Picture picture(384, 256, samples);
+      picture.draw({p}, draw.state.bounds);
+      for (uint32_t t = 0; t < bins.grid().count(); t++) {
+        uint32_t count = 0;
+        for (uint32_t y = 0; y < 64; y++)
+          for (uint32_t x = 0; x < 64; x++)
+            for (uint32_t s = 0; s < samples; s++) count += picture.at(t % 6 * 64 + x, t / 6 * 64 + y, s);
+        const bool all = count == 64 * 64 * samples, said = !bins.tile(t).empty() && bins.tile(t)[0].whole;
+        ASSERT_TRUE(all || !said) << "round " << round << ", tile " << t << ": " << count << " samples are covered";
+        covered += all && p.maxX - p.minX >= 64;
+        whole += said;
+      }
+    }
+  }
+  EXPECT_GT(covered, 300u);
+  EXPECT_GT(whole, covered * 9 / 10) << "hardly any are left out that an edge touches at a corner";
+}
+
 TEST(Bins, LeaveOutTilesBeyondAnEdge) {
   Draw draw(1024, 1024);
   draw.addPixel(0, 0);

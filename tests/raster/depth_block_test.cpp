@@ -85,6 +85,25 @@ TEST(DepthBlock, AllKernelsGiveTheSameBits) {
     ASSERT_EQ(bounds[0].low, bounds[1].low);
     ASSERT_EQ(bounds[0].high, bounds[1].high);
     for (int i = 0; i < 16; i++) ASSERT_TRUE(low[0][i] == low[1][i] && high[0][i] == high[1][i]) << "block " << i;
+    // Squares: bounds as bounds() has them, and what compareBounds() says of them.
+    float storedLow[16], storedHigh[16];
+    for (int i = 0; i < 16; i++) {
+      storedLow[i] = random() % 4 ? low[0][random() % 16] : -std::numeric_limits<float>::infinity();
+      storedHigh[i] = random() % 4 ? std::max(storedLow[i], high[0][random() % 16]) : std::numeric_limits<float>::infinity();
+    }
+    const Places first{sampleX[0], sampleY[0], sampleX[0] + 15, sampleY[0] + 15};
+    SquareOutcomes outcomes[2];
+    for (int k = 0; k < 2; k++) outcomes[k] = all[k].kernels->testSquares(d, kind, op, first, storedLow, storedHigh, low[k], high[k]);
+    for (int i = 0; i < 16; i++) {
+      const float right = float(i % 4 * 16), down = float(i / 4 * 16);
+      const KeyBounds b = all[0].kernels->bounds(d, kind, {first.x0 + right, first.y0 + down, first.x1 + right, first.y1 + down});
+      for (int k = 0; k < 2; k++) ASSERT_TRUE(low[k][i] == b.low && high[k][i] == b.high) << "square " << i;
+      const Outcome expected = compareBounds(op, b, {storedLow[i], storedHigh[i]});
+      for (int k = 0; k < 2; k++) {
+        ASSERT_EQ(outcomes[k].fails >> i & 1, uint32_t(expected == Outcome::Fails)) << "compare " << op << ", square " << i;
+        ASSERT_EQ(outcomes[k].passes >> i & 1, uint32_t(expected == Outcome::Passes)) << "compare " << op << ", square " << i;
+      }
+    }
   }
 }
 
