@@ -9,6 +9,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <utility>
 
 #include "base/fpenv.h"
 #include "base/log.h"
@@ -82,6 +83,22 @@ void Task::finish() {
 void Task::abandon() {
   uint32_t expected = kPending;
   if (!state_.compare_exchange_strong(expected, kDone, std::memory_order_acquire)) state_.wait(kBegun, std::memory_order_acquire);
+}
+
+bool stackHolds(size_t bytes) {
+  // Asked once a thread: for a process's first thread the system reads its whole map.
+  thread_local const std::pair<uintptr_t, uintptr_t> range = []() -> std::pair<uintptr_t, uintptr_t> {
+    pthread_attr_t attributes;
+    if (::pthread_getattr_np(::pthread_self(), &attributes)) return {};
+    void* lowest = nullptr;
+    size_t size = 0;
+    const bool known = !::pthread_attr_getstack(&attributes, &lowest, &size);
+    ::pthread_attr_destroy(&attributes);
+    const auto low = reinterpret_cast<uintptr_t>(lowest);
+    return known ? std::pair{low, low + size} : std::pair<uintptr_t, uintptr_t>{};
+  }();
+  const auto here = reinterpret_cast<uintptr_t>(__builtin_frame_address(0));
+  return here > range.first && here < range.second && here - range.first > bytes;
 }
 
 // A running loop; lives on the stack of its caller. Which loops are open, how many workers have joined each

@@ -39,6 +39,10 @@ class Thread {
   bool started_ = false;
 };
 
+// Whether the calling thread has that many bytes of stack left. False, too, on stacks that are not the thread's own (fibers) and where
+// the system does not say.
+bool stackHolds(size_t bytes);
+
 // A piece of work that is done once: by a worker of a pool, or by whoever needs it first. Held by shared pointers;
 // needs no other task to be done. The floating-point environment is the default one within.
 class Task {

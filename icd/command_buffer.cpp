@@ -19,7 +19,7 @@ void CommandBuffer::reset() {
   head = nullptr;
   tail = &head;
   arena.reset();
-  outOfMemory = false;
+  outOfMemory = waitsForEvents = false;
   draw = {};
   dispatch = {};
   dynamic = {};
@@ -179,7 +179,10 @@ VKAPI_ATTR VkResult VKAPI_CALL vkResetCommandBuffer(VkCommandBuffer buffer, VkCo
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdExecuteCommands(VkCommandBuffer primary, uint32_t count, const VkCommandBuffer* buffers) {
-  for (uint32_t i = 0; i < count; i++) from(primary)->record([secondary = from(buffers[i])](Execution& e) { secondary->execute(e); });
+  for (uint32_t i = 0; i < count; i++) {
+    from(primary)->record([secondary = from(buffers[i])](Execution& e) { secondary->execute(e); });
+    from(primary)->waitsForEvents |= from(buffers[i])->waitsForEvents;
+  }
 }
 
 // --- state

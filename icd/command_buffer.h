@@ -110,6 +110,7 @@ struct CommandBuffer : Dispatchable {
   Command* head = nullptr;
   Command** tail = &head;
   bool outOfMemory = false;
+  bool waitsForEvents = false;                     //!< vkCmdWaitEvents, in secondary command buffers too
 
   // Recording state. What the pipeline may or may not take from the command buffer is kept apart and merged when a
   // draw captures it.

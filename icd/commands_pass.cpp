@@ -249,6 +249,7 @@ static void recordSetEvent(VkCommandBuffer b, VkEvent event, bool value) {
 static void recordWaitEvents(VkCommandBuffer b, uint32_t count, const VkEvent* events) {
   CommandBuffer& cb = *from(b);
   auto kept = cb.keep(events, count);
+  cb.waitsForEvents = true;
   cb.record([kept](Execution& e) {
     e.hub.waitOrLost(~0ull, [&] { return std::all_of(kept.begin(), kept.end(), [](VkEvent h) { return from(h)->set; }); });
   });

@@ -4,10 +4,12 @@
 #include "base/env.h"
 #include "base/log.h"
 #include "entrypoints.h"
+#include "pipeline/ideas.h"
 
 namespace pumice::icd {
 
-QueueWorker::QueueWorker(Device& device) : device_(device) {
+QueueWorker::QueueWorker(Device& device)
+    : device_(device), runsItself_(!(pipeline::disabledIdeas() & pipeline::bit(pipeline::Idea::RunsItself))) {
   if (const auto seconds = base::envInteger(base::EnvVar::Watchdog, 1, 86400))
     watchdog_ = std::make_unique<Watchdog>(std::chrono::seconds(*seconds), [this, s = *seconds] {
       base::logError("a submission ran for more than %lld s: the device is lost (PUMICE_WATCHDOG_SECONDS)", (long long)s);
@@ -25,6 +27,7 @@ QueueWorker::~QueueWorker() {
   thread_.join();
 }
 
+// Of shared payloads it is not known.
 bool QueueWorker::ready(const Submission& s) const {
   for (const SemaphoreValue& w : s.waits)
     if (!w.semaphore->payload() && w.semaphore->value < w.value) return false;
@@ -65,49 +68,68 @@ void QueueWorker::run(Submission& s) {
 
 bool QueueWorker::submit(Submission&& submission) {
   std::unique_lock lock(mutex_);
+  const uint64_t now = clockNanoseconds(), number = rhythm_.submits(now);
+  submitter_ = std::this_thread::get_id();
+  if (submission.fence) submission.fence->submission = number;
+  for (const SemaphoreValue& v : submission.signals) v.semaphore->submission = number;
+  const bool next = pending_.empty() && !busy_;
   // Nothing before it and nothing in it: done on the spot.
-  if (submission.empty() && pending_.empty() && !busy_ && submission.waits.empty()) {
+  if (next && submission.empty() && submission.waits.empty()) {
     hub_.update([&] { finish(submission); });
+    rhythm_.submitted(now);
     return true;
   }
-  if (!thread_.running()) {
-    auto thread = base::Thread::start("pumice-queue", [this] { main(); });
-    if (!thread) {
-      base::logError("the queue's thread cannot be started: %s", thread.error().message.c_str());
-      return false;
+  if (next && rhythm_.waitsAtOnce() && runsItself_ && !submission.sleeps && hub_.read([&] { return ready(submission); }) && base::stackHolds(kStack)) {
+    base::ScopedFpEnv environment;
+    pending_.push_back(std::move(submission));
+    runNext(lock);
+    if (!pending_.empty()) wake_.notify_one();
+  } else {
+    if (!thread_.running()) {
+      auto thread = base::Thread::start("pumice-queue", [this] { main(); });
+      if (!thread) {
+        base::logError("the queue's thread cannot be started: %s", thread.error().message.c_str());
+        return false;
+      }
+      thread_ = std::move(*thread);
     }
-    thread_ = std::move(*thread);
+    pending_.push_back(std::move(submission));
+    wake_.notify_one();
   }
-  pending_.push_back(std::move(submission));
-  lock.unlock();
-  wake_.notify_one();
+  rhythm_.submitted(clockNanoseconds());
   return true;
+}
+
+// With the lock held, and nothing running.
+void QueueWorker::runNext(std::unique_lock<std::mutex>& lock) {
+  Submission s = std::move(pending_.front());
+  pending_.pop_front();
+  busy_ = true;
+  lock.unlock();
+  try {
+    run(s);
+  } catch (const std::bad_alloc&) {
+    base::logError("out of host memory while executing commands");
+    hub_.update([&] { finish(s); });
+  }
+  lock.lock();
+  busy_ = false;
+  if (pending_.empty()) idle_.notify_all();
 }
 
 void QueueWorker::main() {
   std::unique_lock lock(mutex_);
   for (;;) {
-    wake_.wait(lock, [&] { return stop_ || !pending_.empty(); });
+    wake_.wait(lock, [&] { return !busy_ && (stop_ || !pending_.empty()); });
     if (pending_.empty()) return;
-    Submission s = std::move(pending_.front());
-    pending_.pop_front();
-    busy_ = true;
-    lock.unlock();
-    try {
-      run(s);
-    } catch (const std::bad_alloc&) {
-      base::logError("out of host memory while executing commands");
-      hub_.update([&] { finish(s); });
-    }
-    lock.lock();
-    busy_ = false;
-    if (pending_.empty()) idle_.notify_all();
+    runNext(lock);
   }
 }
 
 VkResult QueueWorker::waitIdle() {
   {
     std::unique_lock lock(mutex_);
+    waits(~0ull);
     idle_.wait(lock, [&] { return pending_.empty() && !busy_; });
   }
   return hub_.lost() ? VK_ERROR_DEVICE_LOST : VK_SUCCESS;
@@ -123,9 +145,9 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit(VkQueue handle, uint32_t count, con
       Submission s;
       for (uint32_t k = 0; k < info.waitSemaphoreCount; k++) {
         Semaphore* semaphore = from(info.pWaitSemaphores[k]);
-        s.waits.push_back({semaphore, semaphore->timeline && values && k < values->waitSemaphoreValueCount ? values->pWaitSemaphoreValues[k] : 1});
+        s.add({semaphore, semaphore->timeline && values && k < values->waitSemaphoreValueCount ? values->pWaitSemaphoreValues[k] : 1});
       }
-      for (uint32_t k = 0; k < info.commandBufferCount; k++) s.commandBuffers.push_back(from(info.pCommandBuffers[k]));
+      for (uint32_t k = 0; k < info.commandBufferCount; k++) s.add(*from(info.pCommandBuffers[k]));
       for (uint32_t k = 0; k < info.signalSemaphoreCount; k++) {
         Semaphore* semaphore = from(info.pSignalSemaphores[k]);
         s.signals.push_back({semaphore, semaphore->timeline && values && k < values->signalSemaphoreValueCount ? values->pSignalSemaphoreValues[k] : 1});
@@ -153,8 +175,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueueSubmit2(VkQueue handle, uint32_t count, co
       Submission s;
       if (i < count) {
         const VkSubmitInfo2& info = infos[i];
-        for (uint32_t k = 0; k < info.waitSemaphoreInfoCount; k++) s.waits.push_back(value(info.pWaitSemaphoreInfos[k]));
-        for (uint32_t k = 0; k < info.commandBufferInfoCount; k++) s.commandBuffers.push_back(from(info.pCommandBufferInfos[k].commandBuffer));
+        for (uint32_t k = 0; k < info.waitSemaphoreInfoCount; k++) s.add(value(info.pWaitSemaphoreInfos[k]));
+        for (uint32_t k = 0; k < info.commandBufferInfoCount; k++) s.add(*from(info.pCommandBufferInfos[k].commandBuffer));
         for (uint32_t k = 0; k < info.signalSemaphoreInfoCount; k++) s.signals.push_back(value(info.pSignalSemaphoreInfos[k]));
       }
       if (i + 1 >= count) s.fence = from(fence);

@@ -10,7 +10,8 @@
 namespace pumice::icd {
 namespace {
 
-SyncHub& hub(VkDevice device) { return from(device)->queue.worker->hub(); }
+QueueWorker& worker(VkDevice device) { return *from(device)->queue.worker; }
+SyncHub& hub(VkDevice device) { return worker(device).hub(); }
 
 }  // namespace
 
@@ -59,6 +60,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkGetFenceStatus(VkDevice device, VkFence fence) 
 VKAPI_ATTR VkResult VKAPI_CALL vkWaitForFences(VkDevice device, uint32_t count, const VkFence* fences, VkBool32 all, uint64_t timeout) {
   auto signaled = [](VkFence f) { return from(f)->signaled; };
   auto ready = [&] { return all ? std::all_of(fences, fences + count, signaled) : std::any_of(fences, fences + count, signaled); };
+  worker(device).waits(timeout, std::span(fences, count));
   return hub(device).waitOrLost(timeout, ready);
 }
 
@@ -93,6 +95,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkWaitSemaphores(VkDevice device, const VkSemapho
       if ((from(info->pSemaphores[i])->value >= info->pValues[i]) == any) return any;
     return !any;
   };
+  worker(device).waits(timeout, std::span(info->pSemaphores, info->semaphoreCount));
   return hub(device).waitOrLost(timeout, ready);
 }
 

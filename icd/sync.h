@@ -70,6 +70,7 @@ class SyncHub {
 
 struct Fence {
   bool signaled = false;
+  uint64_t submission = 0;   //!< the last one it was given to (Rhythm)
 };
 
 //! A binary semaphore's state outside of the device: an eventfd that counts to one.
@@ -84,6 +85,7 @@ struct SharedPayload {
 struct Semaphore {
   bool timeline = false;
   uint64_t value = 0;                   //!< binary: 1 = signalled; of no meaning while there is a shared payload
+  uint64_t submission = 0;              //!< the last one that signals it (Rhythm)
   SharedPayload permanent, temporary;   //!< the temporary one goes with the next wait
   const SharedPayload* payload() const { return temporary.fd ? &temporary : permanent.fd ? &permanent : nullptr; }
   void signal(uint64_t to) {

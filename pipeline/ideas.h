@@ -17,7 +17,8 @@ namespace pumice::pipeline {
   X(Squares, "squares")               \
   X(Preamble, "preamble")             \
   X(Interleaving, "interleaving")     \
-  X(SpecialisedSampling, "specialised-sampling")
+  X(SpecialisedSampling, "specialised-sampling") \
+  X(RunsItself, "runs-itself")
 
 enum class Idea : uint32_t {
 #define PUMICE_IDEA(id, name) id,

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <mutex>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -28,7 +27,7 @@ struct Swapchain {
   Device* device;
   const VkIcdSurfaceBase* surface = nullptr;
   VkExtent2D extent{};
-  bool fifo = true;
+  bool fifo = true;                //!< of the next present
   std::unique_ptr<Window> window;  //!< null: headless
   HostVector<SwapchainImage> images;
   std::byte* memory = nullptr;
@@ -60,7 +59,7 @@ struct Swapchain {
     resized |= isResized(state);
   }
   bool changes(const WindowState& state) const { return (!state.alive && !lost) || (isResized(state) && !resized); }
-  void present(SyncHub& hub, uint32_t index);
+  void present(SyncHub& hub, uint32_t index, bool inTurn);
 };
 
 namespace {
@@ -114,11 +113,11 @@ void Swapchain::observe(SyncHub& hub) {
   if (hub.read([&] { return changes(state); })) hub.update([&] { note(state); });
 }
 
-// On the queue's thread.
-void Swapchain::present(SyncHub& hub, uint32_t index) {
+// As part of a submission. inTurn: FIFO.
+void Swapchain::present(SyncHub& hub, uint32_t index, bool inTurn) {
   WindowState state;
   if (window) try {
-      if (fifo) window->throttle();
+      if (inTurn) window->throttle();
       PresentBuffer buffer = window->acquire(extent);
       bool shown = false;
       if (buffer.rows) {
@@ -293,8 +292,8 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
   struct Item {
     Swapchain* swapchain;
     uint32_t index;
-    Fence* shown = nullptr;                  //!< signalled when the image has been handed over
-    std::optional<bool> fifo = std::nullopt; //!< a change of the present mode
+    Fence* shown = nullptr;   //!< signalled when the image has been handed over
+    bool fifo = true;
   };
   auto* fences = findInChain<VkSwapchainPresentFenceInfoEXT>(info->pNext, VK_STRUCTURE_TYPE_SWAPCHAIN_PRESENT_FENCE_INFO_EXT);
   auto* modes = findInChain<VkSwapchainPresentModeInfoEXT>(info->pNext, VK_STRUCTURE_TYPE_SWAPCHAIN_PRESENT_MODE_INFO_EXT);
@@ -303,12 +302,14 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
   try {
     Submission submission;
     for (uint32_t i = 0; i < info->waitSemaphoreCount; i++)
-      submission.waits.push_back({from(info->pWaitSemaphores[i]), 1});
+      submission.add({from(info->pWaitSemaphores[i]), 1});
     for (uint32_t i = 0; i < info->swapchainCount; i++) {
       Swapchain* s = from(info->pSwapchains[i]);
       items.push_back({s, info->pImageIndices[i]});
       if (fences && i < fences->swapchainCount) items.back().shown = from(fences->pFences[i]);
-      if (modes && i < modes->swapchainCount) items.back().fifo = modes->pPresentModes[i] == VK_PRESENT_MODE_FIFO_KHR;
+      if (modes && i < modes->swapchainCount) s->fifo = modes->pPresentModes[i] == VK_PRESENT_MODE_FIFO_KHR;
+      items.back().fifo = s->fifo;
+      submission.sleeps |= s->fifo;
       s->observe(worker.hub());
       // Shown all the same: a window of another size shows what fits.
       VkResult one = worker.hub().read([&] {
@@ -323,8 +324,7 @@ VKAPI_ATTR VkResult VKAPI_CALL vkQueuePresentKHR(VkQueue queue, const VkPresentI
     }
     submission.work = [items, &worker] {
       for (const Item& item : items) {
-        if (item.fifo) item.swapchain->fifo = *item.fifo;
-        item.swapchain->present(worker.hub(), item.index);
+        item.swapchain->present(worker.hub(), item.index, item.fifo);
         if (item.shown) worker.hub().update([&] { item.shown->signaled = true; });
       }
     };

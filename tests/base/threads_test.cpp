@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/wait.h>
+#include <ucontext.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include <mutex>
 #include <set>
 #include <thread>
+#include <vector>
 
 #include "base/fpenv.h"
 
@@ -319,6 +321,37 @@ TEST(Thread, RunsItsBodyUnderItsName) {
   thread->join();
   EXPECT_FALSE(thread->running());
   EXPECT_EQ(name, "a-rather-long-t");
+}
+
+TEST(StackHolds, WhatIsLeftOfTheThreadsOwn) {
+  EXPECT_TRUE(stackHolds(100 * 1024));
+  EXPECT_FALSE(stackHolds(size_t(1) << 46));
+  // A small one
+  pthread_attr_t attributes;
+  ::pthread_attr_init(&attributes);
+  ::pthread_attr_setstacksize(&attributes, 128 * 1024);
+  bool results[2] = {};
+  pthread_t thread;
+  ASSERT_EQ(::pthread_create(&thread, &attributes, [](void* out) -> void* {
+    static_cast<bool*>(out)[0] = stackHolds(16 * 1024);
+    static_cast<bool*>(out)[1] = stackHolds(128 * 1024);
+    return nullptr;
+  }, results), 0);
+  ::pthread_join(thread, nullptr);
+  ::pthread_attr_destroy(&attributes);
+  EXPECT_TRUE(results[0]);
+  EXPECT_FALSE(results[1]);
+  // One that is not the thread's
+  static ucontext_t outer, inner;
+  static bool onFiber = true;
+  static std::vector<char> stack(256 * 1024);
+  ::getcontext(&inner);
+  inner.uc_stack.ss_sp = stack.data();
+  inner.uc_stack.ss_size = stack.size();
+  inner.uc_link = &outer;
+  ::makecontext(&inner, [] { onFiber = stackHolds(1024); }, 0);
+  ::swapcontext(&outer, &inner);
+  EXPECT_FALSE(onFiber);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <thread>
 
+#include "icd/rhythm.h"
 #include "tests/icd/driver.h"
 
 namespace pumice::icd::test {
@@ -35,6 +36,14 @@ struct Sync : testing::Test {
   }
   void destroy(VkFence f) { VK(vkDestroyFence)(device.handle, f, nullptr); }
   void destroy(VkSemaphore s) { VK(vkDestroySemaphore)(device.handle, s, nullptr); }
+  //! Submits and waits at once, for long enough to be known for it.
+  void waitAtOnce(VkFence fence, VkCommandBuffer commands) {
+    for (int i = 0; i < 20; i++) {
+      ASSERT_EQ(device.submit(commands, fence), VK_SUCCESS);
+      ASSERT_EQ(wait(fence, kForever), VK_SUCCESS);
+      ASSERT_EQ(VK(vkResetFences)(device.handle, 1, &fence), VK_SUCCESS);
+    }
+  }
   //! Commands that the host's event lets pass.
   VkCommandBuffer gate() {
     VkCommandBuffer commands = device.begin();
@@ -337,6 +346,106 @@ TEST_F(Sync, ManyThreadsRecordSubmitAndWait) {
     });
   for (std::thread& t : threads) t.join();
   EXPECT_EQ(wrong, 0);
+}
+
+TEST(Rhythm, IsOfWhoWaitsAtOnceForAllThatHeSubmits) {
+  Rhythm rhythm;
+  uint64_t now = 1'000'000'000;
+  auto turn = [&](uint64_t pause, bool other = false, int submissions = 1) {
+    uint64_t number = 0;
+    for (int i = 0; i < submissions; i++) {
+      number = rhythm.submits(now);
+      rhythm.submitted(now += 5000);
+      now += 1000;
+    }
+    rhythm.waits(now += pause, other ? 0 : number);
+    rhythm.waits(now += 100, 0);   // there is nothing left to wait for: it says nothing
+    now += 10'000'000;             // what he does between waiting and submitting does not matter
+  };
+  auto settle = [&] {
+    for (int i = 0; i < 3; i++) turn(1000);
+    return rhythm.waitsAtOnce();
+  };
+  turn(1000), turn(1000);
+  EXPECT_FALSE(rhythm.waitsAtOnce()) << "twice may be chance";
+  EXPECT_TRUE(settle());
+  turn(1000, false, 5);
+  EXPECT_TRUE(rhythm.waitsAtOnce()) << "several submissions one after the other, and then a wait for the last";
+  turn(200'000);
+  EXPECT_FALSE(rhythm.waitsAtOnce()) << "something else was done first";
+  EXPECT_TRUE(settle());
+  turn(1000, true);
+  EXPECT_FALSE(rhythm.waitsAtOnce()) << "a wait for an earlier submission";
+  EXPECT_TRUE(settle());
+  rhythm.submitted((rhythm.submits(now), now));
+  rhythm.submits(now += 200'000);
+  EXPECT_FALSE(rhythm.waitsAtOnce()) << "something else was done between two submissions";
+}
+
+// Otherwise a thread has to wake up, which takes longer than a small frame.
+TEST_F(Sync, WhoWaitsAtOnceRunsItsSubmissionsItself) {
+  constexpr VkDeviceSize kBytes = 32 << 20;
+  TestDevice::Buffer buffer = device.buffer(kBytes);
+  VkFence fence = device.fence();
+  VkCommandBuffer commands = device.begin();
+  VK(vkCmdFillBuffer)(commands, buffer.handle, 0, kBytes, 3);
+  device.end(commands);
+  // On a machine that does much else a turn may take too long to count.
+  bool itself = false;
+  for (int i = 0; i < 100 && !itself; i++) {
+    waitAtOnce(fence, commands);
+    ASSERT_EQ(device.submit(commands, fence), VK_SUCCESS);
+    itself = status(fence) == VK_SUCCESS;   // a thread would have several milliseconds to go
+    ASSERT_EQ(wait(fence, kForever), VK_SUCCESS);
+    ASSERT_EQ(VK(vkResetFences)(device.handle, 1, &fence), VK_SUCCESS);
+  }
+  EXPECT_TRUE(itself);
+  destroy(fence);
+  device.release(buffer);
+}
+
+TEST_F(Sync, WhoWaitsAtOnceMayStillSubmitWhatOnlyHeLetsPass) {
+  TestDevice::Buffer buffer = device.buffer(64);
+  VkFence fence = device.fence();
+  VkCommandBuffer commands = device.begin(), secondary = device.begin(VK_COMMAND_BUFFER_LEVEL_SECONDARY);
+  VK(vkCmdFillBuffer)(commands, buffer.handle, 0, 64, 3);
+  device.end(commands);
+  auto done = [&] {
+    EXPECT_EQ(wait(fence, kForever), VK_SUCCESS);
+    EXPECT_EQ(VK(vkResetFences)(device.handle, 1, &fence), VK_SUCCESS);
+  };
+  // An event, in a command buffer and in one that it executes
+  waitAtOnce(fence, commands);
+  ASSERT_EQ(device.submit(gate(), fence), VK_SUCCESS);
+  open();
+  done();
+  ASSERT_EQ(VK(vkResetEvent)(device.handle, event), VK_SUCCESS);
+  VK(vkCmdWaitEvents)
+  (secondary, 1, &event, VK_PIPELINE_STAGE_HOST_BIT, VK_PIPELINE_STAGE_ALL_COMMANDS_BIT, 0, nullptr, 0, nullptr, 0, nullptr);
+  device.end(secondary);
+  VkCommandBuffer outer = device.begin();
+  VK(vkCmdExecuteCommands)(outer, 1, &secondary);
+  device.end(outer);
+  waitAtOnce(fence, commands);
+  ASSERT_EQ(device.submit(outer, fence), VK_SUCCESS);
+  open();
+  done();
+  // A timeline, and what comes after it
+  VkSemaphore host = timeline(0);
+  const uint64_t one = 1;
+  VkTimelineSemaphoreSubmitInfo values{VK_STRUCTURE_TYPE_TIMELINE_SEMAPHORE_SUBMIT_INFO, nullptr, 1, &one, 0, nullptr};
+  const VkPipelineStageFlags stage = VK_PIPELINE_STAGE_TRANSFER_BIT;
+  VkSubmitInfo info{VK_STRUCTURE_TYPE_SUBMIT_INFO, &values, 1, &host, &stage, 0, nullptr, 0, nullptr};
+  waitAtOnce(fence, commands);
+  ASSERT_EQ(VK(vkQueueSubmit)(device.queue, 1, &info, VK_NULL_HANDLE), VK_SUCCESS);
+  ASSERT_EQ(device.submit(commands, fence), VK_SUCCESS);
+  EXPECT_EQ(status(fence), VK_NOT_READY) << "it has overtaken";
+  VkSemaphoreSignalInfo signal{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO, nullptr, host, 1};
+  ASSERT_EQ(VK(vkSignalSemaphoreKHR)(device.handle, &signal), VK_SUCCESS);
+  done();
+  destroy(host);
+  destroy(fence);
+  device.release(buffer);
 }
 
 }  // namespace
