@@ -51,6 +51,12 @@ std::string invocationText(const interp::ExecContext& context, uint32_t lane) {
 
 static uint64_t groupSize(const frontend::Shader& shader) { return uint64_t(shader.localSize[0]) * shader.localSize[1] * shader.localSize[2]; }
 
+//! dispatch() gives rows whole multiples of 32 invocations of a work group where its size is one, beginning at such places.
+static void promiseGroups(ir::Function& f, const frontend::Shader& shader) {
+  if (groupSize(shader) % ir::kSubgroupLanes) return;
+  for (int i = 0; i < 3; ++i) f.groupSize[i] = uint16_t(shader.localSize[i]);
+}
+
 static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeline& pipeline, const ComputeKey& key, const ir::Function& f, base::ThreadPool* workers) {
   const frontend::Shader& shader = *pipeline.shader;
   auto code = compileRoutine(f, key.numerics, {"compute shader \"" + shader.function.name + "\"", invocationText}, false, workers);
@@ -79,6 +85,7 @@ std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pip
   auto saved = pipeline.saved->find(savedKey(key), s);
   if (!saved || groupSize(*pipeline.shader) > kMaxGroupInvocations) return nullptr;
   saved->function.sharedBytes = pipeline.shader->function.sharedBytes;
+  promiseGroups(saved->function, *pipeline.shader);
   auto made = compile(pipeline, key, saved->function, workers);
   if (!made) return nullptr;
   countRestored();
@@ -100,6 +107,7 @@ base::Result<std::shared_ptr<ComputeRoutine>> buildComputeRoutine(const ComputeP
     return base::errorf("work groups have 1 to %u invocations (this one: %llu)", kMaxGroupInvocations, static_cast<unsigned long long>(invocations));
   PUMICE_TRY(finishRoutine(f));
   if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, 0);
+  promiseGroups(f, shader);
   return compile(pipeline, key, f, workers);
 }
 

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <memory>
+#include <utility>
 
 #include "base/fpenv.h"
 #include "base/log.h"
@@ -72,8 +73,30 @@ struct DispatchRun {
     }
   }
 
+  //! The same, for rows that do not reach into another group, in a row that has held the same invocations of another one before:
+  //! `group` is its number, or ~0.
+  void refill(Row& row, uint64_t first, uint32_t lanes, uint64_t& group) const {
+    const uint64_t before = std::exchange(group, first / invocations);
+    if (before == ~uint64_t(0)) return fill(row, first, lanes);
+    const uint32_t id[3] = {uint32_t(group % groupCount[0]), uint32_t(group / groupCount[0] % groupCount[1]), uint32_t(group / groupCount[0] / groupCount[1])};
+    for (int i = 0; i < 3; ++i)
+      if (row.ids[3 + i][0] != baseGroup[i] + id[i]) std::fill_n(row.ids[3 + i], lanes, baseGroup[i] + id[i]);
+  }
+
   //! Small work groups in common rows, one row after the other.
   void stream(uint64_t first, uint64_t count) const {
+    const uint32_t rowCount = invocations / interp::kMaxLanes;
+    if (invocations % interp::kMaxLanes == 0 && rowCount <= 2) {
+      // Each row of a group in its own place.
+      Row rows[2];
+      uint64_t groups[2] = {~uint64_t(0), ~uint64_t(0)};
+      for (uint64_t end = first + count; first < end && !stop->load(std::memory_order_relaxed); first += interp::kMaxLanes) {
+        const uint32_t r = uint32_t(first / interp::kMaxLanes % rowCount);
+        refill(rows[r], first, interp::kMaxLanes, groups[r]);
+        routine.code->run(bank, rows[r].context);
+      }
+      return;
+    }
     Row row;
     for (uint64_t end = first + count; first < end && !stop->load(std::memory_order_relaxed);) {
       const uint32_t lanes = uint32_t(std::min<uint64_t>(end - first, interp::kMaxLanes));
@@ -92,11 +115,14 @@ class Group {
   void begin(const DispatchRun& run, uint64_t index) {
     run_ = &run;
     const uint32_t invocations = run.invocations, rowCount = (invocations + interp::kMaxLanes - 1) / interp::kMaxLanes;
-    if (!rows_) rows_ = std::make_unique_for_overwrite<Row[]>(rowCount);
+    if (!rows_) {
+      rows_ = std::make_unique_for_overwrite<Row[]>(rowCount);
+      held_.assign(rowCount, ~uint64_t(0));
+    }
     shared_.assign(run.routine.sharedBytes + 64, std::byte(0));
     for (uint32_t r = 0; r < rowCount; ++r) {
       Row& row = rows_[r];
-      run.fill(row, index * invocations + r * interp::kMaxLanes, std::min(invocations - r * interp::kMaxLanes, interp::kMaxLanes));
+      run.refill(row, index * invocations + r * interp::kMaxLanes, std::min(invocations - r * interp::kMaxLanes, interp::kMaxLanes), held_[r]);
       row.context.shared = shared_.data();
       row.context.sharedBytes = run.routine.sharedBytes;
     }
@@ -136,6 +162,7 @@ class Group {
   const DispatchRun* run_ = nullptr;
   std::vector<std::byte> shared_;
   std::unique_ptr<Row[]> rows_;
+  std::vector<uint64_t> held_;   // by row: the group that its ids are of
   std::vector<std::unique_ptr<interp::RowState>> states_;   // as many as rows had to wait at once
   Waiting waiting_[kMaxGroupRows];
   uint32_t count_ = 0;

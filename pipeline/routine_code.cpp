@@ -134,6 +134,7 @@ base::Result<RoutineCode> compileRoutine(const ir::Function& f, ir::Numerics num
     w.value(numerics);
     w.value(wholeBlocks);
     ir::fields(w, f);
+    for (const uint16_t size : f.groupSize) w.value(size);
     making = RoutineCode::Known::all().findOrInsert(std::move(w.bytes), fresh, make);
   }
   if (workers && jit::emitsCode()) {

@@ -163,6 +163,10 @@ struct Function {
   std::vector<Value> operandPool;
   std::vector<ImageOpInfo> imageOps;
   uint32_t sharedBytes = 0;          //!< work-group memory used
+  //! Not zero: a promise of who runs the function about work groups of this size (x, y, z). Inputs 0 to 2 are the local invocation's
+  //! id, 3 to 5 its work group's; each aligned run of 32 lanes of a row is of one work group, whose invocations come in order and a
+  //! multiple of 32 at a time, all of them active.
+  uint16_t groupSize[3] = {};
 
   std::span<const Value> operands(const Inst& i) const { return {operandPool.data() + i.firstOperand, i.operandCount}; }
   std::span<const Value> operands(Value v) const { return operands(insts[v]); }

@@ -75,6 +75,7 @@ Function withoutInstructions(const Function& f) {
   g.name = f.name;
   g.imageOps = f.imageOps;
   g.sharedBytes = f.sharedBytes;
+  std::copy(std::begin(f.groupSize), std::end(f.groupSize), g.groupSize);
   g.insts.reserve(f.insts.size());
   g.operandPool.reserve(f.operandPool.size());
   return g;

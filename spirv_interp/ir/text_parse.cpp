@@ -92,6 +92,18 @@ class Parser {
     }
   }
 
+  //! 8x4x1
+  bool parseGroup(std::string_view text) {
+    for (uint16_t& size : f_.groupSize) {
+      const size_t end = text.find('x');
+      uint64_t n = 0;
+      if (!parseNumber(text.substr(0, end), n) || !n || n > 1024 || (end == text.npos) != (&size == f_.groupSize + 2)) return false;
+      size = uint16_t(n);
+      text = end == text.npos ? text : text.substr(end + 1);
+    }
+    return true;
+  }
+
   bool header(std::string& error) {
     for (size_t i = 1; i < words_.size(); ++i) {
       uint64_t n = 0;
@@ -99,6 +111,8 @@ class Parser {
         f_.name = std::string(words_[i].substr(1, words_[i].size() - 2));
       else if (words_[i].starts_with("shared=") && parseNumber(words_[i].substr(7), n))
         f_.sharedBytes = uint32_t(n);
+      else if (words_[i].starts_with("group=") && parseGroup(words_[i].substr(6)))
+        continue;
       else
         return fail(error, "unknown word in function header", words_[i]);
     }

@@ -135,6 +135,7 @@ std::string immText(const Function& f, const Inst& i, std::string& comment) {
 std::string print(const Function& f) {
   std::string s = "function \"" + f.name + "\"";
   if (f.sharedBytes) s += number(" shared=%u", f.sharedBytes);
+  if (f.groupSize[0]) s += number(" group=%ux%ux%u", unsigned(f.groupSize[0]), unsigned(f.groupSize[1]), unsigned(f.groupSize[2]));
   s += "\n";
   size_t depth = 1;
   for (Value v = 1; v < f.insts.size(); ++v) {

@@ -126,7 +126,13 @@ bool Emitter::reduce(Value v) {
 void Emitter::input(Value v) {
   const Inst& i = f_.insts[v];
   a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, inputs)));
-  a_.mov(x86::rsi, x86::ptr(x86::rsi, int32_t(i.imm * 8)));
+  a_.mov(x86::rsi, x86::ptr(x86::rsi, int32_t(uint32_t(i.imm) * 8)));
+  if (p_.flat[v]) {
+    const Ymm d = target(v, 0);
+    a_.vpbroadcastd(d, x86::ptr(x86::rsi, lane0_, 2));
+    finish(v, 0, d);
+    return;
+  }
   if (i.type == Type::Mask) {
     a_.mov(x86::eax, x86::ebp);
     a_.shr(x86::eax, 3);

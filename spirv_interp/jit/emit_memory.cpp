@@ -103,8 +103,7 @@ static constexpr x86::Gp kOffsetPairs[4] = {x86::rax, x86::rcx, x86::rdx, x86::r
 
 //! Plain loads of the lanes' elements, 4 or 8 bytes: two thirds of a gather's time on Zen 3, and never its microcode elsewhere. Lanes out
 //! of bounds read at the limit and become zero. `part`: of a 32-bit value.
-void Emitter::loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit) {
-  const Ymm off = load(offset, part, t0());
+void Emitter::loadScattered(Value v, const Ymm& off, uint32_t part, const x86::Gp& base, const x86::Mem& limit) {
   a_.vpminud(t1(), off, limit);
   a_.vpcmpeqd(t0(), t1(), off);
   spreadOffsets(t1(), t2());
@@ -222,8 +221,8 @@ void Emitter::loadPair(Value v, const x86::Gp& base, const x86::Mem& limit) {
     }
     a_.jmp(done);
     a_.bind(general);
-    loadScattered(first, low, part, base, limit);
-    loadScattered(v, high, part, base, limit);
+    loadScattered(first, load(low, part, t0()), part, base, limit);
+    loadScattered(v, load(high, part, t0()), part, base, limit);
     a_.bind(done);
   }
 }
@@ -288,7 +287,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
         a_.jmp(done);
         a_.bind(general);
       }
-      loadScattered(v, offset, part, base, limit);
+      loadScattered(v, load(offset, part, t0()), part, base, limit);
       if (look || record) a_.bind(done);
     }
     return;
@@ -300,7 +299,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
     for (uint32_t part = 0; part < p_.unroll; part++) {
       const Ymm off = load(offset, part, t0());
       if (!isColumn(f_, offset)) {
-        loadScattered(v, offset, part, base, limit);
+        loadScattered(v, load(offset, part, t0()), part, base, limit);
         continue;
       }
       const asmjit::Label general = a_.newLabel(), done = a_.newLabel();
@@ -329,7 +328,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
       }
       a_.jmp(done);
       a_.bind(general);
-      loadScattered(v, offset, part, base, limit);
+      loadScattered(v, load(offset, part, t0()), part, base, limit);
       a_.bind(done);
     }
     return;
@@ -403,7 +402,7 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
     // Neighbours, all active.
     for (uint32_t part = 0; part < p_.unroll; part++) {
       const Ymm off = load(offset, part, t0());
-      const asmjit::Label general = a_.newLabel(), again = a_.newLabel(), done = a_.newLabel();
+      const asmjit::Label general = a_.newLabel(), done = a_.newLabel();
       a_.vpbroadcastd(t1(), off.xmm());
       a_.vpsubd(t1(), off, t1());
       a_.vpcmpeqd(t1(), t1(), poolVector(kIota4));
@@ -421,20 +420,7 @@ void Emitter::storeRange(Value v, Value offset, Value value, const x86::Gp& base
       a_.jmp(done);
       a_.bind(general);
       a_.vmovaps(t0(), frameMem(frameRow(0), part));
-      a_.vpminud(t1(), t0(), limit);
-      a_.vpcmpeqd(t1(), t1(), t0());
-      a_.emit(I::kIdVpand, t1(), t1(), vregSource(mask, part));
-      a_.vmovmskps(x86::ecx, t1());
-      a_.vmovaps(frameMem(frameRow(1), part), s);
-      a_.test(x86::ecx, x86::ecx);
-      a_.jz(done);
-      a_.bind(again);
-      a_.tzcnt(x86::edx, x86::ecx);
-      a_.mov(x86::eax, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(0) + part * kVectorBytes)));
-      a_.mov(x86::r8d, x86::ptr(frame_, x86::rdx, 2, int32_t(frameRow(1) + part * kVectorBytes)));
-      a_.mov(x86::ptr(base, x86::rax), x86::r8d);
-      a_.blsr(x86::ecx, x86::ecx);
-      a_.jnz(again);
+      storeLanes(t0(), s, mask, part, base, limit);
       a_.bind(done);
     }
     return;
@@ -500,7 +486,7 @@ bool Emitter::memory(Value v) {
       }
       const Value base = table ? 0 : o[0], size = table ? 0 : o[2];
       const uint32_t bytes = ir::typeBytes(i.type);
-      if (isUniform(offset)) {
+      if (isUniform(offset) && (table || !pattern(v))) {
         const uint32_t slot = pointerSlot(base, offset, size, number, constant, bytes);
         for (uint32_t part = 0; part < partsOf(i.type); part++) {
           a_.mov(x86::rax, bankMem(slot));
@@ -515,6 +501,10 @@ bool Emitter::memory(Value v) {
         return true;
       }
       const x86::Mem limit = useRange(rangeSlot(base, size, number, constant, bytes, false));
+      if (const LanePattern* q = table ? nullptr : pattern(v)) {
+        loadPattern(v, *q, offset, limit);
+        return true;
+      }
       if (p_.pairFirst[v]) {
         loadPair(v, x86::rsi, limit);
         return true;
@@ -527,16 +517,19 @@ bool Emitter::memory(Value v) {
     case Op::Store: {
       if (preamble_ || !isUniform(o[0]) || !isUniform(o[2]) || f_.type(o[1]) != Type::I32) return false;
       const x86::Mem limit = bufferRange(o[0], o[2], constant, ir::typeBytes(f_.type(o[3])), true);
-      storeRange(v, o[1], o[3], x86::rsi, limit);
+      if (const LanePattern* q = pattern(v)) storePattern(*q, o[1], o[3], limit);
+      else storeRange(v, o[1], o[3], x86::rsi, limit);
       return true;
     }
     case Op::SharedLoad:
       if (preamble_) return false;
-      loadRange(v, o[0], x86::rsi, x86::rdi, sharedRange(constant, ir::typeBytes(i.type), false));
+      if (const LanePattern* q = pattern(v)) loadPattern(v, *q, o[0], sharedRange(constant, 4, false));
+      else loadRange(v, o[0], x86::rsi, x86::rdi, sharedRange(constant, ir::typeBytes(i.type), false));
       return true;
     case Op::SharedStore:
       if (preamble_) return false;
-      storeRange(v, o[0], o[1], x86::rsi, sharedRange(constant, ir::typeBytes(f_.type(o[1])), true));
+      if (const LanePattern* q = pattern(v)) storePattern(*q, o[0], o[1], sharedRange(constant, 4, true));
+      else storeRange(v, o[0], o[1], x86::rsi, sharedRange(constant, ir::typeBytes(f_.type(o[1])), true));
       return true;
     case Op::Atomic:
     case Op::SharedAtomic: return !preamble_ && atomic(v);

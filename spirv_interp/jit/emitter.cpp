@@ -330,6 +330,8 @@ void Emitter::body() {
   a_.add(x86::rsp, 8);
   for (const x86::Gp& r : {x86::r15, x86::r14, x86::r13, x86::r12, x86::rbp, x86::rbx}) a_.pop(r);
   a_.ret();
+  for (size_t k = 0; k < later_.size() && error_.empty(); k++) later_[k]();
+  later_.clear();
 
   if (!p_.suspends) return;
   a_.bind(dispatch);

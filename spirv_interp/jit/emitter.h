@@ -10,6 +10,7 @@
 
 #include <asmjit/x86.h>
 
+#include <functional>
 #include <memory>
 #include <unordered_map>
 
@@ -160,7 +161,7 @@ class Emitter {
   void loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit);
   void spreadOffsets(const Ymm& offsets, const Ymm& scratch);
   x86::Gp laneOffset(uint32_t lane);
-  void loadScattered(Value v, Value offset, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
+  void loadScattered(Value v, const Ymm& off, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
   void loadPair(Value v, const x86::Gp& base, const x86::Mem& limit);
   void loadAddresses(Value v);    // emit_gather.cpp
   bool filterHalves(Value v);     // emit_filter.cpp
@@ -176,6 +177,19 @@ class Emitter {
   void findSharedRanges();
   void makeSharedRange(const SharedRange& r, uint32_t place);
   x86::Mem sharedRange(uint32_t constant, uint32_t bytes, bool store);
+  // emit_pattern.cpp
+  const LanePattern* pattern(Value v) const {
+    const uint32_t k = patternOf(f_.insts[v]);
+    return k ? &p_.patterns[k - 1] : nullptr;
+  }
+  void patternStart(const LanePattern& q, Value first, uint32_t more, const x86::Mem& limit, const asmjit::Label& outside);
+  void patternOffsets(const LanePattern& q, Source first, uint32_t part);
+  void loadPattern(Value v, const LanePattern& q, Value first, const x86::Mem& limit);
+  void storePattern(const LanePattern& q, Value first, Value value, const x86::Mem& limit);
+  void storeLanes(const Ymm& offsets, const Ymm& values, uint32_t mask, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
+  //! Runs behind the routine's end: what hardly ever happens does not stand in the way.
+  void later(std::function<void()> emit) { later_.push_back(std::move(emit)); }
+  bool allActive() const { return f_.groupSize[0] && p_.regions[region_].mask == p_.regions[0].mask; }
   bool mayBeLinear(Value offset);
   bool isUnbounded(Value size) const;
   void tileLoad(Value v);
@@ -245,6 +259,7 @@ class Emitter {
   std::vector<Footprint> footprints_;
   uint32_t footprintScratch_ = 0;           // in the frame; 0: none yet
   std::vector<asmjit::Label> resumes_;
+  std::vector<std::function<void()>> later_;
   asmjit::Label exit_, thunk_;
   bool usesThunk_ = false;
 };

@@ -20,6 +20,7 @@ bool widenHalves(Function& f) {
   g.name = f.name;
   g.imageOps = f.imageOps;
   g.sharedBytes = f.sharedBytes;
+  std::copy(std::begin(f.groupSize), std::end(f.groupSize), g.groupSize);
   std::vector<Value> renamed(f.insts.size(), 0);
   const auto append = [&](Inst i, std::span<const Value> operands) {
     i.firstOperand = uint32_t(g.operandPool.size());

@@ -216,7 +216,9 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
   if (jit.wholeBlocks) computeWhenNeeded(f);
+  std::vector<LanePattern> patterns = findPatterns(f);
   Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, avx512 ? kRegistersAvx512 : kRegistersAvx2);
+  plan.patterns = std::move(patterns);
   plan.upperFirst = jit.upperFirst;
   allocate(plan);
 

@@ -24,7 +24,8 @@ class Planner {
  public:
   Planner(const Function& f, Plan& p) : f_(f), p_(p) {}
 
-  void run() {
+  //! What is known without places.
+  void look() {
     const size_t n = f_.insts.size();
     p_.f = &f_;
     for (const Inst& i : f_.insts) {
@@ -34,16 +35,20 @@ class Planner {
     p_.suspends = p_.mayWait || p_.has(Op::Barrier);
     p_.wholeBlocks &= !p_.suspends && !p_.has(Op::LocalAlloc);
     p_.a = interp::analyse(f_);
-    p_.vregOf.assign(n, kNone);
     p_.regionOf.assign(n, kNone);
-    p_.masked.assign(n, 1);
-    p_.vregs.reserve(n + 8);
-    lastRead_.reserve(n + 8);
-    shared_.reserve(n + 8);
     home_.assign(n, kNone);
     p_.flat.assign(n, 0);
     findRegions();
     findFlat();
+  }
+  void run() {
+    const size_t n = f_.insts.size();
+    look();
+    p_.vregOf.assign(n, kNone);
+    p_.masked.assign(n, 1);
+    p_.vregs.reserve(n + 8);
+    lastRead_.reserve(n + 8);
+    shared_.reserve(n + 8);
     settleBounded(p_);
     findFolded(p_);
     findPairs(p_);
@@ -202,10 +207,13 @@ class Planner {
     if (i.op == Op::Var) return flatVar[v];
     if (i.op == Op::VarGet) return flatVar[o[0]];
     const auto same = [&](Value x) { return p_.a.uniform[x] || p_.flat[x]; };
+    if (i.op == Op::Input) return isGroupUniform(f_, i);
+    if (patternOf(i)) return false;   // all lanes have the first one's offset alike, and look elsewhere
+    if (i.op == Op::SharedLoad) return !(i.flags & ir::kInstVolatile) && same(o[0]);
     if (i.op == Op::QuadLoad) return (i.imm & ir::kOneRecord) && ir::typeBytes(i.type) == 4;
     if (i.op == Op::TableLoad) return same(o[0]);
-    if (i.op == Op::LoadConst) return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && same(o[1]) && f_.type(o[1]) == Type::I32 &&
-                                         !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
+    if (i.op == Op::LoadConst || (i.op == Op::Load && !(i.flags & ir::kInstVolatile)))
+      return p_.a.uniform[o[0]] && p_.a.uniform[o[2]] && same(o[1]) && f_.type(o[1]) == Type::I32 && !(f_.insts[o[2]].op == Op::Const && f_.insts[o[2]].imm >> 62);
     const ir::OpInfo& info = ir::opInfo(i.op);
     if (!(info.flags & ir::kPure) || info.operands == ir::OperandRule::Free || o.empty()) return false;
     return std::all_of(o.begin(), o.end(), same);
@@ -508,6 +516,13 @@ Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks, uint32_t regi
     p.unroll = live <= 4 ? 4 : 2;   // measured: two interleaved chains are worth some values in the frame
   }
   return p;
+}
+
+std::vector<uint8_t> flatValues(const Function& f) {
+  Plan p;
+  Planner(f, p).look();
+  for (Value v = 1; v < f.insts.size(); v++) p.flat[v] |= p.a.uniform[v];
+  return std::move(p.flat);
 }
 
 bool crossesParts(const Function& f, Value v) {

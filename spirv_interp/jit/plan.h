@@ -7,6 +7,7 @@
 
 #include "spirv_interp/interpreter/analysis.h"
 #include "spirv_interp/ir/ir.h"
+#include "spirv_interp/jit/lane_patterns.h"
 
 namespace pumice::jit {
 
@@ -81,6 +82,7 @@ struct Plan {
   std::vector<uint8_t> signless; //!< by float value: where it is a zero nobody sees its sign
   std::vector<uint8_t> fitsInt;  //!< by FToS to i32: the number is known to be one, and within i32's range
   std::vector<Hot> hot;          //!< by region
+  std::vector<LanePattern> patterns;   //!< of accesses, by patternOf() - 1
   bool mayWait = false;          //!< chunks must give way in loops
   bool suspends = false;         //!< mayWait, or a barrier
   bool wholeBlocks = false;      //!< JitOptions; chunks follow one another inside of one call
@@ -98,6 +100,8 @@ struct Plan {
 //! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here. `wholeBlocks`: as JitOptions; taken if chunks need no state of
 //! their own.
 Plan makePlan(const ir::Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers);
+//! By value: all lanes have it alike, be it uniform or not.
+std::vector<uint8_t> flatValues(const ir::Function& f);
 //! Gives each part of each Vreg its place: a linear scan over positions.
 void allocate(Plan& plan);
 
