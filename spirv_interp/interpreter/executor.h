@@ -83,6 +83,11 @@ class Executable {
   //! state belongs to the row; resume() goes on.
   virtual Progress start(const UniformBank& bank, const ExecContext& context, RowState& row) const = 0;
   virtual Progress resume(RowState& row) const = 0;
+  //! Whether runGroup() can be had: for routines with ir::Function::groupSize.
+  virtual bool runsGroups() const { return false; }
+  //! Runs a whole work group, as one row of all its invocations in order (of any number; ExecContext::active is not looked at), barriers
+  //! included. Of inputs 3 to 5 only every eighth element needs to be there.
+  virtual void runGroup(const UniformBank&, const ExecContext&) const {}
   //! For statistics and tests.
   virtual size_t instructionCount() const = 0;
   virtual size_t preambleInstructionCount() const = 0;

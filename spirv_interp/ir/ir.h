@@ -165,7 +165,7 @@ struct Function {
   uint32_t sharedBytes = 0;          //!< work-group memory used
   //! Not zero: a promise of who runs the function about work groups of this size (x, y, z). Inputs 0 to 2 are the local invocation's
   //! id, 3 to 5 its work group's; each aligned run of 32 lanes of a row is of one work group, whose invocations come in order and a
-  //! multiple of 32 at a time, all of them active.
+  //! multiple of 32 at a time, all of them active. Work-group memory has sharedBytes at least.
   uint16_t groupSize[3] = {};
 
   std::span<const Value> operands(const Inst& i) const { return {operandPool.data() + i.firstOperand, i.operandCount}; }

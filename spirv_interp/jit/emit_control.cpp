@@ -23,12 +23,23 @@ void Emitter::any(uint32_t id, const asmjit::Label& to) {
   a_.jnz(to);
 }
 
-void Emitter::suspend(interp::Progress why, const asmjit::Label& resume) {
-  resumes_.push_back(resume);
-  saveRegisters();
+//! Goes on here later.
+void Emitter::suspend(Value at, interp::Progress why) {
+  resumes_.push_back(a_.newLabel());
+  const uint32_t live = liveRegisters(at);
+  for (uint32_t r = 0; r < kMaxRegisters; r++)
+    if (live >> r & 1) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
   a_.mov(x86::dword_ptr(frame_, kFrameResume), uint32_t(resumes_.size()));
-  a_.mov(x86::eax, uint32_t(why));
-  a_.jmp(exit_);
+  if (out_->groups) {   // all waiting is for barriers
+    a_.inc(x86::dword_ptr(call_, offsetof(ChunkCall, waiting)));
+    a_.jmp(step_);
+  } else {
+    a_.mov(x86::eax, uint32_t(why));
+    a_.jmp(exit_);
+  }
+  a_.bind(resumes_.back());
+  for (uint32_t r = 0; r < kMaxRegisters; r++)
+    if (live >> r & 1) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
 }
 
 //! Where a region goes on when its last lane has left. A then side ends where its else begins, which looks at the lanes of
@@ -160,7 +171,8 @@ void Emitter::control(Value v) {
         a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, turns)));
         a_.jnz(labels_[id].start);
         if (p_.mayWait) {
-          suspend(interp::Progress::Yielded, labels_[id].start);
+          suspend(v, interp::Progress::Yielded);
+          a_.jmp(labels_[id].start);
         } else {
           a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, turns)), kTurns);
           a_.mov(x86::rax, x86::ptr(call_, offsetof(ChunkCall, stop)));
@@ -207,9 +219,7 @@ void Emitter::control(Value v) {
       return;
     }
     case Op::Barrier: {
-      const asmjit::Label resume = a_.newLabel();
-      suspend(interp::Progress::Barrier, resume);
-      a_.bind(resume);
+      suspend(v, interp::Progress::Barrier);
       return;
     }
     default: fail(v, "unknown marker");

@@ -3,6 +3,7 @@
 #include "spirv_interp/jit/emit_range.h"
 
 #include <algorithm>
+#include <cstring>
 
 namespace pumice::jit {
 
@@ -91,6 +92,7 @@ void Emitter::findSharedRanges() {
     if (!p_.a.needed[v] || (i.op != Op::SharedLoad && i.op != Op::SharedStore && i.op != Op::SharedAtomic)) continue;
     const bool store = i.op != Op::SharedLoad;
     const SharedRange r{uint32_t(i.imm), ir::typeBytes(store ? f_.type(f_.operands(v)[1]) : i.type), store};
+    if (isStaticRange(r.constant, r.bytes)) continue;
     if (std::none_of(sharedRanges_.begin(), sharedRanges_.end(),
                      [&](const SharedRange& k) { return k.constant == r.constant && k.bytes == r.bytes && k.store == r.store; }))
       sharedRanges_.push_back(r);
@@ -124,6 +126,23 @@ void Emitter::makeSharedRange(const SharedRange& r, uint32_t place) {
 
 //! rsi: base, rdi: base + 2^31; gives the range.
 x86::Mem Emitter::sharedRange(uint32_t constant, uint32_t bytes, bool store) {
+  if (isStaticRange(constant, bytes)) {
+    const uint32_t last = f_.sharedBytes - constant - bytes;
+    auto r = std::find_if(staticRanges_.begin(), staticRanges_.end(), [&](const auto& k) { return k.first == last; });
+    if (r == staticRanges_.end()) {
+      r = staticRanges_.insert(r, {last, uint32_t(out_->pool.size())});
+      out_->pool.resize(out_->pool.size() + 2 * kVectorBytes);
+      for (unsigned k = 0; k < kVectorLanes; k++) std::memcpy(out_->pool.data() + r->second + 4 * k, &last, 4);
+      std::memcpy(out_->pool.data() + r->second + kRangeLast, &last, 4);
+    }
+    a_.mov(x86::rsi, x86::ptr(call_, offsetof(ChunkCall, shared)));
+    if (constant) a_.add(x86::rsi, constant);
+    if (bytes < 4) {
+      a_.mov(x86::edi, 0x80000000u);
+      a_.add(x86::rdi, x86::rsi);
+    }
+    return x86::ptr(pool_, int32_t(r->second));
+  }
   uint32_t place = frameRow(4);   // too many of them: made each time
   for (size_t k = 0; k < sharedRanges_.size(); k++)
     if (const SharedRange& r = sharedRanges_[k]; r.constant == constant && r.bytes == bytes && r.store == store)

@@ -33,6 +33,7 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
   out.chunkLanes = p_.unroll * kVectorLanes;
   out.suspends = p_.suspends;
   out.wholeBlocks = p_.wholeBlocks;
+  out.groups = f_.groupSize[0] && !p_.mayWait && !p_.wholeBlocks && (p_.suspends || !p_.has(Op::LocalAlloc));
   for (Value v = 1; v < f_.insts.size() && p_.has(Op::LocalAlloc); v++)
     if (f_.insts[v].op == Op::LocalAlloc && p_.a.needed[v]) {
       localArea_.resize(f_.insts.size(), 0);
@@ -245,6 +246,13 @@ void Emitter::saveRegisters() {
   for (uint32_t r = 0; r < kMaxRegisters; r++)
     if (p_.used >> r & 1) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
 }
+uint32_t Emitter::liveRegisters(Value at) const {
+  uint32_t live = 0;
+  for (const Vreg& r : p_.vregs)
+    for (uint32_t part = 0; part < p_.parts(r) && r.start < at && at <= r.end && !r.unused; part++)
+      if (r.reg[part] >= 0) live |= 1u << r.reg[part];
+  return live;
+}
 void Emitter::restoreRegisters() {
   for (uint32_t r = 0; r < kMaxRegisters; r++)
     if (p_.used >> r & 1) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
@@ -264,15 +272,15 @@ void Emitter::body() {
   a_.mov(call_, x86::rdx);
   a_.mov(pool_, x86::rcx);
   a_.mov(x86::ebp, x86::dword_ptr(call_, offsetof(ChunkCall, lane0)));
-  asmjit::Label dispatch, begin;
+  begin_ = a_.newLabel();
+  dispatch_ = a_.newLabel();
+  step_ = a_.newLabel();
   if (p_.suspends) {
-    dispatch = a_.newLabel();
-    begin = a_.newLabel();
     a_.mov(x86::eax, x86::dword_ptr(frame_, kFrameResume));
     a_.test(x86::eax, x86::eax);
-    a_.jnz(dispatch);
-    a_.bind(begin);
+    a_.jnz(dispatch_);
   }
+  a_.bind(begin_);
   labels_.resize(p_.regions.size());
   labels_[0].end = a_.newLabel();
   region_ = 0;
@@ -306,6 +314,10 @@ void Emitter::body() {
     if (op == Op::Nop || op == Op::Var || op == Op::LocalAlloc) continue;
     out_->operations++;
     if (p_.folded[v] || p_.pairSecond[v] || v == doneAlready_) continue;
+    if (p_.wordsOf[v]) {
+      if (const Words& w = p_.words[p_.wordsOf[v] - 1]; w.at == v) words(w);
+      continue;
+    }
     if (op == Op::QuadLoad && p_.vregOf[v] != kNone && p_.vregs[p_.vregOf[v]].ahead) continue;
     if (op != Op::QuadLoad && op != Op::VarGet && op != Op::VarSet && ir::opInfo(op).operands == ir::OperandRule::Free) quadPointers_ = false;
     if (ir::opInfo(op).flags & ir::kControl || op == Op::Barrier) control(v);
@@ -323,6 +335,7 @@ void Emitter::body() {
     a_.cmp(lane0_.r32(), x86::dword_ptr(call_, offsetof(ChunkCall, lanes)));
     a_.jb(again);
   }
+  if (out_->groups) nextChunk();
   a_.xor_(x86::eax, x86::eax);
   static_assert(int(interp::Progress::Finished) == 0);
   a_.bind(exit_);
@@ -334,13 +347,63 @@ void Emitter::body() {
   later_.clear();
 
   if (!p_.suspends) return;
-  a_.bind(dispatch);
-  restoreRegisters();
+  a_.bind(dispatch_);
   for (size_t k = 0; k < resumes_.size(); k++) {
     a_.cmp(x86::eax, uint32_t(k + 1));
     a_.je(resumes_[k]);
   }
-  a_.ud2();
+  if (out_->groups) a_.jmp(step_);
+  else a_.ud2();
+}
+
+//! A chunk's turn is over: the next one's. Behind the last one's all go on together that wait at a barrier.
+void Emitter::nextChunk() {
+  const asmjit::Label round = a_.newLabel(), finished = a_.newLabel(), go = a_.newLabel();
+  if (p_.suspends) a_.mov(x86::dword_ptr(frame_, kFrameResume), kResumeNever);
+  a_.bind(step_);
+  a_.dec(x86::dword_ptr(call_, offsetof(ChunkCall, chunksLeft)));
+  a_.jz(round);
+  a_.add(lane0_.r32(), p_.unroll * kVectorLanes);
+  a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, lane0)), lane0_.r32());
+  if (!p_.suspends) {
+    a_.jmp(begin_);
+    a_.bind(round);
+    return;
+  }
+  a_.add(frame_, frameStride(*out_));
+  if (out_->localBytes) a_.add(x86::qword_ptr(call_, offsetof(ChunkCall, local)), frameStride(*out_));
+  a_.bind(go);
+  a_.mov(x86::eax, x86::dword_ptr(frame_, kFrameResume));
+  a_.test(x86::eax, x86::eax);
+  a_.jnz(dispatch_);
+  a_.jmp(begin_);
+
+  a_.bind(round);
+  a_.cmp(x86::dword_ptr(call_, offsetof(ChunkCall, waiting)), 0);
+  a_.je(finished);
+  a_.mov(x86::eax, uint32_t(interp::Progress::Barrier));
+  a_.mov(x86::rcx, x86::ptr(call_, offsetof(ChunkCall, firstFrame)));
+  a_.test(x86::rcx, x86::rcx);
+  a_.jz(exit_);
+  const asmjit::Label on = a_.newLabel();
+  a_.mov(x86::rax, x86::ptr(call_, offsetof(ChunkCall, stop)));
+  a_.test(x86::rax, x86::rax);
+  a_.jz(on);
+  a_.cmp(x86::byte_ptr(x86::rax), 0);
+  a_.jnz(finished);
+  a_.bind(on);
+  a_.mov(frame_, x86::rcx);
+  if (out_->localBytes) {
+    a_.add(x86::rcx, out_->frameBytes);
+    a_.mov(x86::ptr(call_, offsetof(ChunkCall, local)), x86::rcx);
+  }
+  a_.xor_(lane0_.r32(), lane0_.r32());
+  a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, lane0)), lane0_.r32());
+  a_.mov(x86::eax, x86::dword_ptr(call_, offsetof(ChunkCall, chunks)));
+  a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, chunksLeft)), x86::eax);
+  a_.mov(x86::dword_ptr(call_, offsetof(ChunkCall, waiting)), 0);
+  a_.jmp(go);
+  a_.bind(finished);
 }
 
 //! What all chunks of the row read from their one record.

@@ -32,8 +32,12 @@ struct Emitted {
   uint32_t bankBytes = 0, frameBytes = 0, localBytes = 0;
   uint32_t chunkLanes = 0;
   bool suspends = false, wholeBlocks = false;
+  bool groups = false;   //!< chunks of a work group follow one another inside of one call
   size_t operations = 0, preambleOperations = 0;
 };
+
+//! Bytes from a chunk's frame to the next one's.
+inline uint32_t frameStride(const Emitted& e) { return (e.frameBytes + e.localBytes + 63) & ~63u; }
 
 //! The one instruction that does this to vectors in either order, or 0.
 InstId commutative(Op op, Type t);
@@ -177,6 +181,8 @@ class Emitter {
   void findSharedRanges();
   void makeSharedRange(const SharedRange& r, uint32_t place);
   x86::Mem sharedRange(uint32_t constant, uint32_t bytes, bool store);
+  //! The size of work-group memory is known, and the range lies within it.
+  bool isStaticRange(uint32_t constant, uint32_t bytes) const { return f_.groupSize[0] && uint64_t(constant) + bytes <= f_.sharedBytes; }
   // emit_pattern.cpp
   const LanePattern* pattern(Value v) const {
     const uint32_t k = patternOf(f_.insts[v]);
@@ -186,6 +192,13 @@ class Emitter {
   void patternOffsets(const LanePattern& q, Source first, uint32_t part);
   void loadPattern(Value v, const LanePattern& q, Value first, const x86::Mem& limit);
   void storePattern(const LanePattern& q, Value first, Value value, const x86::Mem& limit);
+  // emit_words.cpp
+  void words(const Words& w);
+  x86::Mem rangeOf(Value access);   //!< rsi: base
+  template <class Address>
+  void loadWords(const Words& w, uint32_t part, Address address);
+  template <class Address>
+  void storeWords(const Words& w, uint32_t part, Address address);
   void storeLanes(const Ymm& offsets, const Ymm& values, uint32_t mask, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
   //! Runs behind the routine's end: what hardly ever happens does not stand in the way.
   void later(std::function<void()> emit) { later_.push_back(std::move(emit)); }
@@ -210,7 +223,9 @@ class Emitter {
   void testMask(uint32_t vreg);
   void saveRegisters();
   void restoreRegisters();
-  void suspend(interp::Progress why, const asmjit::Label& resume);
+  uint32_t liveRegisters(Value at) const;
+  void suspend(Value at, interp::Progress why);
+  void nextChunk();
   void body();
   void loadAhead();
   void makePreamble();
@@ -246,6 +261,7 @@ class Emitter {
   std::vector<std::pair<Value, int8_t>> hotBefore_;   // what hot_ was before each loop that is open
   std::vector<size_t> hotMarks_;            // by open loop: size of hotBefore_
   std::vector<SharedRange> sharedRanges_;
+  std::vector<std::pair<uint32_t, uint32_t>> staticRanges_;   // highest offset; place in the pool
   uint32_t sharedPlace_ = 0;                // of their copies in the frame
   struct RegionLabels {
     asmjit::Label end, start, out;   //!< out: behind a loop's end
@@ -261,6 +277,7 @@ class Emitter {
   std::vector<asmjit::Label> resumes_;
   std::vector<std::function<void()>> later_;
   asmjit::Label exit_, thunk_;
+  asmjit::Label begin_, dispatch_, step_;   //!< of a chunk: its start, where it goes on, the end of its turn
   bool usesThunk_ = false;
 };
 

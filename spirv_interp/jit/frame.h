@@ -17,6 +17,7 @@ constexpr uint32_t kFrameSlots = kFrameExec + 64;
 constexpr uint32_t frameRow(uint32_t k) { return kFrameRows + k * kFrameRowBytes; }
 
 constexpr uint32_t kTurns = 256;
+constexpr uint32_t kResumeNever = ~0u;   //!< kFrameResume: has finished
 
 //! Arguments of a call.
 struct ChunkCall {
@@ -34,6 +35,10 @@ struct ChunkCall {
   uint32_t lane0;                          //!< first lane of the chunk
   uint32_t active;                         //!< bit per lane of the chunk
   uint32_t lanes;                          //!< wholeBlocks: of the row
+  uint32_t chunksLeft;                     //!< Emitted::groups: with this one, until the end of the row
+  uint32_t waiting;                        //!< chunks that came to a barrier
+  uint32_t chunks;                         //!< of a whole work group
+  std::byte* firstFrame;                   //!< of a whole work group, which goes on behind barriers by itself; null: of one chunk
   uint32_t turns;                          //!< loop turns until a routine that may wait gives way, or looks at stop
 };
 

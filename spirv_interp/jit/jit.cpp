@@ -38,7 +38,8 @@ class Native final : public Executable {
         code_(std::move(code)),
         body_(reinterpret_cast<Entry>(reinterpret_cast<uintptr_t>(code_.data()) + body)),
         preamble_(reinterpret_cast<Entry>(reinterpret_cast<uintptr_t>(code_.data()) + preamble)),
-        frameBytes_((e_.frameBytes + e_.localBytes + kAlign - 1) & ~(kAlign - 1)) {
+        frameBytes_(frameStride(e_)) {
+    static_assert(kAlign == 64);
     // Memory operands of the pool are whole vectors.
     poolMemory_ = std::make_unique<std::byte[]>(e_.pool.size() + kAlign);
     pool_ = aligned(poolMemory_.get());
@@ -106,6 +107,29 @@ class Native final : public Executable {
   }
   Progress resume(RowState& state) const override { return advance(static_cast<Row&>(state)); }
 
+  bool runsGroups() const override { return e_.groups; }
+  void runGroup(const UniformBank& bank, const ExecContext& context) const override {
+    const uint32_t chunks = context.lanes / e_.chunkLanes;
+    const size_t bytes = e_.suspends ? frameBytes_ * chunks : frameBytes_;
+    std::byte* frame;
+    if (bytes <= kMaxStackBytes) frame = aligned(alloca(bytes + kAlign));
+    else if (!(frame = scratch.get(bytes))) return base::logError("out of memory: a work group was not run");
+    ChunkCall call;
+    prepare(call, bank, context);
+    call.lane0 = 0;
+    call.active = uint32_t((uint64_t(1) << e_.chunkLanes) - 1);
+    call.turns = kTurns;
+    call.chunks = call.chunksLeft = chunks;
+    call.waiting = 0;
+    call.firstFrame = frame;
+    call.local = frame + e_.frameBytes;
+    for (uint32_t k = 0; k < chunks && e_.suspends; k++) {
+      std::memset(frame + k * frameBytes_ + kFrameResume, 0, 4);
+      std::memset(frame + k * frameBytes_ + e_.frameBytes, 0, e_.localBytes);
+    }
+    body_(frame, const_cast<std::byte*>(call.bank), &call, pool_);
+  }
+
   size_t instructionCount() const override { return e_.operations; }
   size_t preambleInstructionCount() const override { return e_.preambleOperations; }
   size_t registerBytes() const override { return e_.frameBytes; }
@@ -149,6 +173,9 @@ class Native final : public Executable {
     call.active = uint32_t(active);
     call.lane0 = first;
     call.turns = kTurns;
+    call.chunksLeft = 1;
+    call.waiting = 0;
+    call.firstFrame = nullptr;
     call.local = frame + e_.frameBytes;
     if (context.quadRecords) {
       call.quadRecords = context.quadRecords + first / 4;
@@ -217,8 +244,7 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
   if (jit.wholeBlocks) computeWhenNeeded(f);
   std::vector<LanePattern> patterns = findPatterns(f);
-  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, avx512 ? kRegistersAvx512 : kRegistersAvx2);
-  plan.patterns = std::move(patterns);
+  Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, avx512 ? kRegistersAvx512 : kRegistersAvx2, std::move(patterns));
   plan.upperFirst = jit.upperFirst;
   allocate(plan);
 

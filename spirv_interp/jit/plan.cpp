@@ -53,6 +53,7 @@ class Planner {
     findFolded(p_);
     findPairs(p_);
     findCrossed(p_);
+    findWords(p_);
     findUses();
     walk();
     if (p_.wholeBlocks) findAhead();
@@ -122,6 +123,7 @@ class Planner {
       if (i.op == Op::BitCast || i.op == Op::FNeg || i.op == Op::LShr || i.op == Op::Trunc) at = std::max(v, lastUse_[v]);   // may stand for its operand
       if (i.op == Op::If) at = p_.regions[p_.regionOf[v]].end;                      // the else looks again
       if (p_.pairSecond[v]) at = p_.pairSecond[v];
+      if (p_.wordsOf[v]) at = std::max(at, p_.words[p_.wordsOf[v] - 1].at);
       for (Value o : f_.operands(v)) {
         if (!loops) lastUse_[o] = std::max(lastUse_[o], at);
         else lastUse_[o] = std::max({lastUse_[o], extended(o, v), at});
@@ -330,8 +332,20 @@ class Planner {
       if (p_.a.needed[v] && !p_.a.uniform[v]) instruction(v);
   }
 
+  void words(Value v, const Words& w) {
+    if (v != w.at) return;
+    for (uint32_t k = 0; k < w.count; k++)
+      for (Value operand : f_.operands(w.member[k])) use(operand, v);
+    useMask(v);
+    for (uint32_t k = 0; k < w.count && f_.insts[v].type != Type::None; k++) {
+      p_.vregOf[w.member[k]] = newVreg(v);
+      p_.vregs.back().weight = weight_;
+    }
+  }
+
   void instruction(Value v) {
     if (p_.pairSecond[v]) return;
+    if (p_.wordsOf[v]) return words(v, p_.words[p_.wordsOf[v] - 1]);
     if (const Value first = p_.pairFirst[v]) {
       for (Value operand : f_.operands(first)) use(operand, v);
       p_.vregOf[first] = newVreg(v, ir::typeBytes(f_.type(first)) == 8);
@@ -504,8 +518,9 @@ uint32_t pressure(const Plan& p) {
 
 }  // namespace
 
-Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers) {
+Plan makePlan(const Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers, std::vector<LanePattern> patterns) {
   Plan p;
+  p.patterns = std::move(patterns);
   p.wholeBlocks = wholeBlocks;
   p.registers = registers;
   Planner(f, p).run();

@@ -57,6 +57,13 @@ struct Hot {
   uint32_t region = 0, vreg = 0;
 };
 
+//! Accesses to three or four neighbouring words at one offset, done as one: 16 bytes of each lane, turned into a vector for each word.
+struct Words {
+  ir::Value member[4] = {};
+  uint32_t count = 0;
+  ir::Value at = 0;              //!< where they are done: loads at the first, stores at the last
+};
+
 struct Plan {
   const ir::Function* f = nullptr;
   std::array<bool, size_t(ir::Op::kCount)> present{};   //!< by operation: the function has some
@@ -78,6 +85,8 @@ struct Plan {
   //! By load of 64 bits: only its words are looked at. Its two parts then hold lanes 0, 1, 4, 5 and 2, 3, 6, 7, from which one shuffle
   //! takes the words of all eight in order.
   std::vector<uint8_t> crossed;
+  std::vector<Words> words;
+  std::vector<uint32_t> wordsOf; //!< by access: index + 1 in words, 0: is none
   std::vector<uint8_t> number;   //!< by f32 value: no NaN
   std::vector<uint8_t> signless; //!< by float value: where it is a zero nobody sees its sign
   std::vector<uint8_t> fitsInt;  //!< by FToS to i32: the number is known to be one, and within i32's range
@@ -99,7 +108,7 @@ struct Plan {
 
 //! Everything but places. `lanes`: 8, 16 or 32; 0: chosen here. `wholeBlocks`: as JitOptions; taken if chunks need no state of
 //! their own.
-Plan makePlan(const ir::Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers);
+Plan makePlan(const ir::Function& f, uint32_t lanes, bool wholeBlocks, uint32_t registers, std::vector<LanePattern> patterns = {});
 //! By value: all lanes have it alike, be it uniform or not.
 std::vector<uint8_t> flatValues(const ir::Function& f);
 //! Gives each part of each Vreg its place: a linear scan over positions.

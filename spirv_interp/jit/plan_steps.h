@@ -13,5 +13,7 @@ void findFolded(Plan& p);
 void findPairs(Plan& p);
 //! Plan::crossed.
 void findCrossed(Plan& p);
+//! Plan::words and wordsOf (plan_words.cpp).
+void findWords(Plan& p);
 
 }  // namespace pumice::jit
