@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <deque>
 #include <mutex>
 #include <optional>
@@ -28,9 +29,22 @@ struct DrawRecord {
   std::byte push[kMaxPushBytes];
   interp::Tables tables;
   interp::UniformBank bank;
-  struct RowBank {
-    std::once_flag once;         //!< guards the making of:
-    interp::UniformBank bank;
+  class RowBank {
+   public:
+    //! The first caller makes it.
+    const interp::UniformBank& get(const RoutineCode& code, const interp::Tables& tables) {
+      if (!made_.load(std::memory_order_acquire))
+        std::call_once(once_, [&] {
+          bank_ = code->preamble(tables);
+          made_.store(true, std::memory_order_release);
+        });
+      return bank_;
+    }
+
+   private:
+    std::once_flag once_;
+    std::atomic<bool> made_{false};   // once_ says the same, at the price of a call
+    interp::UniformBank bank_;
   };
   RowBank rowBanks[kRowKinds];   //!< for fragment->forRows()
   raster::DepthRange depthRanges[raster::kMaxViewports];

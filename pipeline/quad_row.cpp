@@ -290,11 +290,16 @@ bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* reco
     Rows rows;
     const FragmentRoutine* routine = nullptr;
     bool asked = false;
+    const interp::UniformBank* bank = nullptr;
+    uint32_t longestRow = 0;
   };
   Kind all{flat && draw_->fragment->hasRows(Rows::WholeFlat) ? Rows::WholeFlat : Rows::Whole};
   Kind one{flat && draw_->fragment->hasRows(Rows::WholeOneFlat) ? Rows::WholeOneFlat : Rows::WholeOne};
   const auto routineOf = [&](Kind& k) {
-    if (!std::exchange(k.asked, true)) k.routine = draw_->fragment->forRows(k.rows);
+    if (!std::exchange(k.asked, true) && (k.routine = draw_->fragment->forRows(k.rows))) {
+      k.bank = &draw_->rowBanks[size_t(k.rows)].get(k.routine->code, draw_->tables);
+      k.longestRow = k.routine->code->longestRow();
+    }
     return k.routine;
   };
   const uint32_t colors = draw_->oneColors;
@@ -308,7 +313,6 @@ bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* reco
   if (!wholePlanesReady_) setWholePlanes();
   std::fill(std::begin(wholeRecords_), std::end(wholeRecords_), record);
   interp::ExecContext context;
-  context.lanes = interp::kMaxLanes;
   std::fill(std::begin(context.active), std::end(context.active), ~uint64_t(0));
   context.tables = draw_->tables;
   context.quadRecords = wholeRecords_;
@@ -316,31 +320,34 @@ bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* reco
   context.stop = &pass_.pool.cancelled();
   void* outputs[2] = {passedRow_, shadedRow_};
   context.outputs = outputs;
-  for (uint32_t n = first; n < first + count; n += kBlocks) {
+  uint32_t length;   // blocks at once: where places are in one piece, if the routine can
+  for (uint32_t n = first; n < first + count; n += length) {
     Kind* kind = &all;
+    length = n % 16 == 0 && n + 16 <= first + count ? 16 : kBlocks;
     if (colors && draw_->takesOneColor) {
-      if (colors_.takes(n, kBlocks, colors, draw_->visibility->replaced)) kind = &one;
-      else if (colors_.any(n, kBlocks, colors)) kind = nullptr;   // some of the blocks do, others do not
+      if (length > kBlocks && colors_.any(n, length, colors) && !colors_.takes(n, length, colors, 0)) length = kBlocks;
+      if (colors_.takes(n, length, colors, draw_->visibility->replaced)) kind = &one;
+      else if (colors_.any(n, length, colors)) kind = nullptr;   // some of the blocks do, others do not
     }
     if (!kind || !routineOf(*kind)) {
       uint16_t masks[16];
       std::fill_n(masks, samples_, uint16_t(0xffff));
-      for (uint32_t k = n; k < n + kBlocks; ++k)
+      for (uint32_t k = n; k < n + length; ++k)
         add(tileX_ * raster::kTileSize + raster::blockX(k), tileY_ * raster::kTileSize + raster::blockY(k), masks, record, apart);
       continue;
     }
-    if (kind == &one) colors_.take(n, kBlocks, colors);
-    else if (colors) colors_.split(n, kBlocks, colors);
-    DrawRecord::RowBank& own = draw_->rowBanks[size_t(kind->rows)];
-    std::call_once(own.once, [&] { own.bank = kind->routine->code->preamble(draw_->tables); });
+    if (length * 16 > kind->longestRow) length = kBlocks;
+    if (kind == &one) colors_.take(n, length, colors);
+    else if (colors) colors_.split(n, length, colors);
+    context.lanes = length * 16;
     const uint32_t lane = (n & 15) * 16;
     const void* inputs[3] = {kSquarePlaces.x[n >> 4 & 3] + lane, kSquarePlaces.y[n >> 6] + lane, wholeCoverage_};
     context.inputs = inputs;
     for (uint32_t i = 0; i < usedPlaneCount_; ++i)
       wholePlanes_[usedPlanes_[i].plane].quadElement = tileElements_[usedPlanes_[i].pitch].data() + n * 4;
-    kind->routine->code->run(own.bank, context);
-    quads += kQuads;
-    if (!draw_->settled) fragments += interp::kMaxLanes;
+    kind->routine->code->run(*kind->bank, context);
+    quads += length * 4;
+    if (!draw_->settled) fragments += length * 16;
   }
   return true;
 }
@@ -349,9 +356,7 @@ void QuadRow::run(interp::ExecContext& context) {
   void* outputs[2] = {passedRow_, shadedRow_};
   context.outputs = outputs;
   if (const FragmentRoutine* one = oneRecord_ ? draw_->fragment->forRows(Rows::OneRecord) : nullptr) {
-    DrawRecord::RowBank& own = draw_->rowBanks[size_t(Rows::OneRecord)];
-    std::call_once(own.once, [&] { own.bank = one->code->preamble(draw_->tables); });
-    one->code->run(own.bank, context);
+    one->code->run(draw_->rowBanks[size_t(Rows::OneRecord)].get(one->code, draw_->tables), context);
   } else {
     draw_->fragment->code->run(draw_->bank, context);
   }

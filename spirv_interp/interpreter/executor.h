@@ -77,6 +77,8 @@ class Executable {
   virtual UniformBank preamble(const Table* tables) const = 0;
   //! Runs a row to its end. Barriers do nothing: the row is the whole work group.
   virtual void run(const UniformBank& bank, const ExecContext& context) const = 0;
+  //! Lanes that run() takes at once, if every lane is active.
+  virtual uint32_t longestRow() const { return kMaxLanes; }
   //! For work groups of several rows. Null: out of memory.
   virtual std::unique_ptr<RowState> newRowState() const = 0;
   //! Runs a row until it has finished or must wait. Until it has finished, bank and context must stay valid and the

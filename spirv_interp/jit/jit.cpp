@@ -23,6 +23,7 @@ using interp::ExecContext, interp::Executable, interp::Progress, interp::Result,
 
 constexpr size_t kAlign = Scratch::kAlign;
 constexpr size_t kMaxStackBytes = 96 * 1024;
+constexpr uint32_t kLongestRow = 4096;   // of whole blocks
 constexpr uint32_t kMaxChunks = interp::kMaxLanes / kVectorLanes;
 
 std::byte* aligned(void* p) { return reinterpret_cast<std::byte*>((reinterpret_cast<uintptr_t>(p) + kAlign - 1) & ~uintptr_t(kAlign - 1)); }
@@ -86,6 +87,11 @@ class Native final : public Executable {
       return;
     }
     for (uint32_t first = 0; first < context.lanes; first += e_.chunkLanes) runChunk(call, context, first, frame, records);
+  }
+
+  // The code counts lanes by itself; what it calls knows usual rows only.
+  uint32_t longestRow() const override {
+    return e_.wholeBlocks && e_.callOuts.empty() && e_.localAccesses.empty() ? kLongestRow : interp::kMaxLanes;
   }
 
   std::unique_ptr<RowState> newRowState() const override {

@@ -80,7 +80,8 @@ void settleBounded(Plan& p) {
         case Op::Const: most[v] = uint32_t(i.imm); break;
         case Op::UMin: most[v] = std::min(most[o[0]], most[o[1]]); break;
         case Op::UMax: most[v] = std::max(most[o[0]], most[o[1]]); break;
-        case Op::LShr: most[v] = most[o[0]]; break;
+        case Op::And: most[v] = std::min(most[o[0]], most[o[1]]); break;
+        case Op::LShr: most[v] = f.insts[o[1]].op == Op::Const ? most[o[0]] >> (f.insts[o[1]].imm & 31) : most[o[0]]; break;
         case Op::FToS: {
           constexpr double kRange = 2147483000;
           const Bounds& x = bounds[o[0]];
