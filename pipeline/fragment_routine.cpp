@@ -14,6 +14,7 @@
 #include "pipeline/ideas.h"
 #include "spirv_interp/ir/checks.h"
 #include "spirv_interp/ir/decisions.h"
+#include "spirv_interp/ir/fold.h"
 #include "spirv_interp/ir/one_record.h"
 
 namespace pumice::pipeline {
@@ -74,7 +75,7 @@ ShaderTraits traits(const GraphicsState& state, const frontend::Shader* shader) 
 class FragmentExpander : public StageExpander {
  public:
   FragmentExpander(const GraphicsPipeline& p, const FragmentKey& key, const frontend::Shader& shader, const ShaderTraits& t)
-      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(key.rows == Rows::WholeFlat || key.rows == Rows::WholeOneFlat),
+      : StageExpander(shader, *p.layout, p.fragmentImages, key.images), pipeline_(p), traits_(t), flat_(isFlat(key.rows)),
         wide_(key.numerics == ir::Numerics::Oracle) {}
 
   void declare(ir::Builder& b) {
@@ -371,6 +372,7 @@ enum MadeTraits : uint32_t {
   kPresent = 1,        //!< it has an effect
   kReadsRecord = 2,
   kReadsInverseW = 4,
+  kClampsVaryings = 8,
 };
 
 base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& pipeline, const FragmentKey& key, const SavedRoutine& made, base::ThreadPool* workers) {
@@ -391,8 +393,9 @@ base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& p
     const bool wholeOnes = !(disabledIdeas() & bit(Idea::WholeBlocks)) && !t.perSample && !masked && !key.countSamples && !key.statistics && !state.decisions;
     const bool oneColor = wholeOnes && state.samples > 1 && (key.settled || pipeline.visibility.oneColor);
     const bool readsW = made.traits & kReadsInverseW;
+    const bool clamps = (made.traits & kClampsVaryings) && !(disabledIdeas() & bit(Idea::InUnit));
     const bool wanted[kRowKinds] = {false, !(disabledIdeas() & bit(Idea::OneRecord)) && (made.traits & kReadsRecord), wholeOnes, wholeOnes && readsW,
-                                    oneColor, oneColor && readsW};
+                                    wholeOnes && clamps, oneColor, oneColor && readsW, oneColor && clamps};
     for (uint32_t kind = 1; kind < kRowKinds; ++kind) {
       if (!wanted[kind]) continue;
       routine->siblings[kind] = std::make_unique<FragmentRoutine::Sibling>();
@@ -410,6 +413,53 @@ base::Result<std::shared_ptr<FragmentRoutine>> compile(const GraphicsPipeline& p
   return routine;
 }
 
+//! Offsets of the planes that rows in the unit interval speak of.
+std::vector<uint32_t> planesInUnit(const GraphicsPipeline& pipeline) {
+  std::vector<uint32_t> all;
+  for (uint32_t i = 0; i < pipeline.link.varyings.size(); ++i)
+    if (pipeline.link.varyings[i].mode != raster::VaryingMode::Flat) all.push_back(planeOffset(kPlaneVaryings + i));
+  return all;
+}
+
+//! v is held above 0 or below 1.
+bool isClamp(const ir::Function& f, Value v) {
+  const ir::Inst& i = f.insts[v];
+  if ((i.op != Op::FMax && i.op != Op::FMin) || i.type != Type::F32) return false;
+  for (Value o : f.operands(v))
+    if (f.insts[o].op == Op::Const && (i.op == Op::FMax ? ir::floatValue(i.type, f.insts[o].imm) <= 0 : ir::floatValue(i.type, f.insts[o].imm) >= 1)) return true;
+  return false;
+}
+
+//! Whether varyings are clamped as they come.
+bool clampsVaryings(const ir::Function& f) {
+  const auto operandIs = [&](Value v, auto&& is) {
+    const auto o = f.operands(v);
+    return std::any_of(o.begin(), o.end(), is);
+  };
+  const auto isPlane = [&](Value v) {
+    return f.insts[v].op == Op::Fma && f.insts[f.operands(v)[2]].op == Op::Fma && operandIs(f.operands(v)[2], [&](Value o) {
+             return f.insts[o].op == Op::QuadLoad && uint32_t(f.insts[o].imm) >= planeOffset(kPlaneVaryings);
+           });
+  };
+  for (Value v = 1; v < f.insts.size(); ++v)
+    if (isClamp(f, v) && operandIs(v, [&](Value o) { return isPlane(o) || (f.insts[o].op == Op::FMul && operandIs(o, isPlane)); })) return true;
+  return false;
+}
+
+//! Takes away clamps of what is known to lie between 0 and 1.
+void dropClamps(ir::Function& f) {
+  std::vector<Value> same(f.insts.size());
+  for (Value v = 0; v < f.insts.size(); ++v) {
+    same[v] = v;
+    const ir::Inst& i = f.insts[v];
+    for (uint32_t k = 0; k < i.operandCount; ++k)
+      if (Value& o = f.operandPool[i.firstOperand + k]; o < v) o = same[o];
+    if (!v || !isClamp(f, v)) continue;
+    for (Value o : f.operands(v))
+      if (ir::isPlaneInUnit(f, o)) same[v] = o;
+  }
+}
+
 Surroundings surroundings(const GraphicsPipeline& pipeline, const FragmentKey& key) {
   const GraphicsState& state = pipeline.state;
   const bool perSample = traits(state, pipeline.fragment.get()).perSample, wide = key.numerics == ir::Numerics::Oracle;
@@ -419,6 +469,7 @@ Surroundings surroundings(const GraphicsPipeline& pipeline, const FragmentKey& k
   s.outputs = {key.countSamples ? Type::I32 : Type::None, key.statistics ? Type::I32 : Type::None};
   s.recordBytes = (wide ? raster::wideRecordBytes : raster::recordBytes)(uint32_t(pipeline.link.varyings.size()));
   s.oneRecord = key.rows != Rows::Any;
+  if (isInUnit(key.rows)) s.inUnit = planesInUnit(pipeline);
   s.planes.resize(kRowPlanes);
   const texture::FormatInfo* depthFormat = texture::formatInfo(state.depthStencilFormat);
   for (uint32_t sample = 0; sample < (perSample ? 1 : state.samples); ++sample) {
@@ -571,7 +622,17 @@ base::Result<std::shared_ptr<FragmentRoutine>> buildFragmentRoutine(const Graphi
     if (i.imm - planeOffset(kPlaneInverseW) < 12) made.traits |= kReadsInverseW;
     if (key.rows != Rows::Any) i.imm |= ir::kOneRecord;
   }
+  if (isInUnit(key.rows))
+    for (const uint32_t at : planesInUnit(pipeline))
+      for (ir::Inst& i : f.insts)
+        if (i.op == Op::QuadLoad && uint32_t(i.imm) == at) i.imm |= ir::kPlaneInUnit;
   PUMICE_TRY(finishRoutine(f));
+  if (isInUnit(key.rows)) {
+    dropClamps(f);
+    ir::optimise(f);
+  } else if (key.rows == Rows::Any && clampsVaryings(f)) {
+    made.traits |= kClampsVaryings;
+  }
   if (pipeline.saved) pipeline.saved->insert(savedKey(key), f, made.traits);
   return compile(pipeline, key, made, workers);
 }

@@ -15,6 +15,7 @@ namespace pumice::pipeline {
   X(LazyClear, "lazy-clear")          \
   X(OneColor, "one-color")            \
   X(Squares, "squares")               \
+  X(InUnit, "in-unit")                \
   X(Preamble, "preamble")             \
   X(Interleaving, "interleaving")     \
   X(SpecialisedSampling, "specialised-sampling") \

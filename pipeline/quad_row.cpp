@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 namespace pumice::pipeline {
@@ -122,6 +124,7 @@ void QuadRow::setDraw(DrawRecord* draw) {
   helpers_ = draw->fragment->needsHelpers;
   counts_ = (draw->occlusion || pass_.statistics) && !draw->settled;
   whole_ = draw->fragment->hasRows(Rows::Whole) && !counts_ && !pass_.statistics && !draw->query && !(pass_.disabled & bit(Idea::WholeBlocks));
+  unit_ = whole_ && draw->fragment->hasRows(Rows::WholeUnit) && !(pass_.disabled & bit(Idea::InUnit));
   if (const uint32_t all = (1u << samples_) - 1; whole_ && wholeCoverage_[0] != all) std::fill(std::begin(wholeCoverage_), std::end(wholeCoverage_), all);
 }
 
@@ -281,6 +284,29 @@ void QuadRow::flush() {
   count_ = 0;
 }
 
+//! Whether all varyings that are not flat lie between +0 and 1 in blocks of the tile at hand: planes are monotone in each coordinate,
+//! roundings included, so corners say it.
+bool QuadRow::inUnit(uint32_t first, uint32_t count, const std::byte* record) const {
+  const bool oneSquare = (first & 15) + count <= 16;
+  const uint32_t last = first + count - 1;
+  const float left = oneSquare ? float((first >> 4 & 3) * 16) : 0, right = oneSquare ? left + 15 : 63;
+  const raster::Places places{left + 0.5f, float((first >> 6) * 16) + 0.5f, right + 0.5f, float((last >> 6) * 16) + 15.5f};
+  const std::byte* plane = record + raster::kRecordPlanes + 24;
+  for (const raster::Varying& v : draw_->fragment->varyings) {
+    float words[3];   // origin, dx, dy
+    std::memcpy(words, plane, sizeof words);
+    plane += 12;
+    if (v.mode == raster::VaryingMode::Flat) continue;
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    const raster::DepthEquation d{words[0], words[1], words[2], -kInfinity, kInfinity};
+    if (!d.tame()) return false;
+    const raster::KeyBounds b = raster::depthKernels().bounds(d, raster::DepthKind::Float32, places);
+    const bool constant = words[1] == 0 && words[2] == 0;   // then sums are +0, if the origin is
+    if (!(b.high <= 1 && (b.low > 0 || (b.low == 0 && constant && !std::signbit(words[0]))))) return false;
+  }
+  return true;
+}
+
 bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* record, bool apart) {
   if (!whole_) return false;
   float inverseW[3];   // origin, dx, dy
@@ -293,8 +319,9 @@ bool QuadRow::addWholeRows(uint32_t first, uint32_t count, const std::byte* reco
     const interp::UniformBank* bank = nullptr;
     uint32_t longestRow = 0;
   };
-  Kind all{flat && draw_->fragment->hasRows(Rows::WholeFlat) ? Rows::WholeFlat : Rows::Whole};
-  Kind one{flat && draw_->fragment->hasRows(Rows::WholeOneFlat) ? Rows::WholeOneFlat : Rows::WholeOne};
+  const bool unit = flat && unit_ && inUnit(first, count, record);
+  Kind all{unit ? Rows::WholeUnit : flat && draw_->fragment->hasRows(Rows::WholeFlat) ? Rows::WholeFlat : Rows::Whole};
+  Kind one{unit ? Rows::WholeOneUnit : flat && draw_->fragment->hasRows(Rows::WholeOneFlat) ? Rows::WholeOneFlat : Rows::WholeOne};
   const auto routineOf = [&](Kind& k) {
     if (!std::exchange(k.asked, true) && (k.routine = draw_->fragment->forRows(k.rows))) {
       k.bank = &draw_->rowBanks[size_t(k.rows)].get(k.routine->code, draw_->tables);

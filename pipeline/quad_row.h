@@ -47,6 +47,7 @@ class QuadRow {
  private:
   void setPlanes(uint32_t layer);
   void setWholePlanes();
+  bool inUnit(uint32_t first, uint32_t count, const std::byte* record) const;
   void addQuad(uint32_t quad, uint32_t lanes, uint32_t block, float x, float y, const uint16_t* masks, const std::byte* record);
   void addWhole(uint32_t block, float x, float y, bool oneColor, const std::byte* record);
   void run(interp::ExecContext& context);
@@ -84,7 +85,7 @@ class QuadRow {
   interp::TilePlane planes_[kRowPlanes];
   // Rows of whole blocks: quads' elements relative to the tile's first, planes from there on.
   struct UsedPlane { uint32_t plane, pitch, elementBytes; };
-  bool whole_ = false, wholePlanesReady_ = false;
+  bool whole_ = false, unit_ = false, wholePlanesReady_ = false;
   std::vector<uint32_t> tileElements_[kMaxPitches];
   uint32_t tileElementsPitch_[kMaxPitches] = {};
   UsedPlane usedPlanes_[kRowPlanes];

@@ -35,10 +35,14 @@ enum class Rows : uint8_t {
   OneRecord,   //!< all quads have the same record
   Whole,       //!< also, they are whole blocks of pixels, covered at all samples
   WholeFlat,   //!< also, 1/w is 1 everywhere
+  WholeUnit,   //!< also, all varyings that are not flat lie between +0 and 1: to clamp them changes nothing
   WholeOne,    //!< Whole; of colours the first sample alone is read and written, for all the rest (one_color.h)
   WholeOneFlat,
+  WholeOneUnit,
 };
-constexpr uint32_t kRowKinds = 6;
+constexpr uint32_t kRowKinds = 8;
+constexpr bool isFlat(Rows r) { return r == Rows::WholeFlat || r == Rows::WholeUnit || r == Rows::WholeOneFlat || r == Rows::WholeOneUnit; }
+constexpr bool isInUnit(Rows r) { return r == Rows::WholeUnit || r == Rows::WholeOneUnit; }
 
 struct FragmentKey {
   ir::Numerics numerics = ir::Numerics::F32;

@@ -125,8 +125,9 @@ std::string check(const ir::Function& f, const Surroundings& s) {
         if (!ir::typeBytes(i.type) || i.imm + ir::typeBytes(i.type) > sizeof(DrawConstants)) return wrong(i, "outside of the draw's constants");
         break;
       case Op::QuadLoad:
-        if ((i.imm & ~ir::kOneRecord) + ir::typeBytes(i.type) > s.recordBytes) return wrong(i, "outside of the record");
+        if ((i.imm & ~(ir::kOneRecord | ir::kPlaneInUnit)) + ir::typeBytes(i.type) > s.recordBytes) return wrong(i, "outside of the record");
         if (bool(i.imm & ir::kOneRecord) != s.oneRecord) return wrong(i, "of one record, or of several");
+        if ((i.imm & ir::kPlaneInUnit) && std::find(s.inUnit.begin(), s.inUnit.end(), uint32_t(i.imm)) == s.inUnit.end()) return wrong(i, "no such plane is known to lie between 0 and 1");
         break;
       case Op::TileLoad:
       case Op::TileStore: {

@@ -67,7 +67,7 @@ TEST(Invariance, GalleryHasTheSameBitsWithEveryThreadCountInstructionSetAndIdea)
   for (const char* setting :
        {"PUMICE_THREADS=1", "PUMICE_THREADS=7", "PUMICE_ENGINE=interp", "PUMICE_ENGINE=jit", "PUMICE_ISA=scalar",
         "PUMICE_ISA=sse4", "PUMICE_ISA=avx2", "PUMICE_DISABLE=visible-first", "PUMICE_DISABLE=hi-z", "PUMICE_DISABLE=one-record",
-        "PUMICE_DISABLE=whole-blocks,lazy-clear", "PUMICE_DISABLE=one-color", "PUMICE_DISABLE=squares", "PUMICE_DISABLE=preamble,interleaving,runs-itself",
+        "PUMICE_DISABLE=whole-blocks,lazy-clear", "PUMICE_DISABLE=one-color", "PUMICE_DISABLE=squares", "PUMICE_DISABLE=in-unit", "PUMICE_DISABLE=preamble,interleaving,runs-itself",
         "PUMICE_DISABLE=specialised-sampling", "PUMICE_DISABLE=visible-first,hi-z,one-record,whole-blocks,lazy-clear,one-color,squares"}) {
     auto other = galleryWith(setting);
     ASSERT_EQ(other.size(), usual.size()) << setting;

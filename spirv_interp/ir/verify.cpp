@@ -247,7 +247,7 @@ class Verifier {
       case Op::TableLoad:
         return check(high < kTableCount, "no such table");
       case Op::QuadLoad:
-        return check((i.imm & ~kOneRecord) >> 32 == 0, "immediate out of range");
+        return check((i.imm & ~(kOneRecord | kPlaneInUnit)) >> 32 == 0, "immediate out of range");
       case Op::TileLoad:
       case Op::TileStore:
         return check((i.imm & 0xffff) + typeBytes(i.op == Op::TileLoad ? i.type : type(i, 0)) <=

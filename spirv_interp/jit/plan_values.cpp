@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "spirv_interp/ir/one_record.h"
 #include "spirv_interp/ir/fold.h"
 #include "spirv_interp/jit/plan_steps.h"
 
@@ -64,7 +65,8 @@ void settleBounded(Plan& p) {
   p.fitsInt.assign(f.insts.size(), 0);
   p.signless.assign(f.insts.size(), 1);
   // All bounds come from these.
-  if (!p.has(Op::FMin) && !p.has(Op::FMax)) return;
+  const auto inUnit = [](const Inst& i) { return i.op == Op::QuadLoad && (i.imm & ir::kPlaneInUnit); };
+  if (!p.has(Op::FMin) && !p.has(Op::FMax) && !(p.has(Op::QuadLoad) && std::any_of(f.insts.begin(), f.insts.end(), inUnit))) return;
   struct Bounds {
     double low = -HUGE_VAL, high = HUGE_VAL;
     bool number = false;   // no NaN
@@ -134,7 +136,8 @@ void settleBounded(Plan& p) {
         if (b(0).finite() && b(1).finite()) r = product(b(0), b(1));
         break;
       case Op::Fma:
-        if (b(0).finite() && b(1).finite() && b(2).finite()) r = sum(product(b(0), b(1)), b(2));
+        if (ir::isPlaneInUnit(f, v)) r = {0, 1, true};
+        else if (b(0).finite() && b(1).finite() && b(2).finite()) r = sum(product(b(0), b(1)), b(2));
         break;
       case Op::FFloor:
       case Op::FCeil:

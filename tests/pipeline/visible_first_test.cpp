@@ -5,6 +5,7 @@
 #include <map>
 #include <random>
 
+#include "pipeline/builders.h"
 #include "pipeline/ideas.h"
 #include "tests/pipeline/scene.h"
 
@@ -151,6 +152,67 @@ void main() { target = color + vec4(dFdx(color.x), gl_FragCoord.x * 0.001, gl_Fr
     EXPECT_EQ(pass(0), before) << "format " << c.format << ", blend " << c.blend << ", samples " << c.samples;
     EXPECT_EQ(pass(bit(Idea::VisibleFirst)), before) << "format " << c.format << ", blend " << c.blend << ", samples " << c.samples;
   }
+}
+
+// Colours between 0 and 1 need no clamping; elsewhere they are clamped as ever. Zeros of both signs, and what leaves the interval within a tile.
+TEST(WholeBlocks, ClampsAreLeftOutOnlyWhereTheyChangeNothing) {
+  for (const bool blend : {false, true})
+    for (const uint32_t samples : {1u, 4u}) {
+      Scene s(320, 200);
+      Image target(VK_FORMAT_R8G8B8A8_UNORM, 320, 200, 1, samples);
+      GraphicsState state = s.state();
+      state.samples = samples;
+      state.blend[0].blendEnable = blend;
+      state.blend[0].srcColorBlendFactor = VK_BLEND_FACTOR_SRC_ALPHA;
+      state.blend[0].dstColorBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
+      // The sign of a zero decides.
+      auto pipeline = s.pipeline(state, kColorVertex, R"(#version 450
+layout(location = 0) in vec4 color;
+layout(location = 0) out vec4 target;
+void main() {
+  vec4 c = clamp(color, 0.0, 1.0);
+  target = vec4(c.xyz, floatBitsToInt(c.w) < 0 ? 1.0 : 0.5);
+})");
+      auto d = s.drawState(pipeline);
+      const float corners[][3][4] = {
+          {{0.1f, 0.2f, 0.3f, 0.5f}, {0.9f, 0.8f, 0.7f, 0.5f}, {0.5f, 0.4f, 1, 0.5f}},   // inside everywhere
+          {{0, 1, 0, 0}, {0, 1, 0, 0}, {0, 1, 0, 0}},                                    // on the ends
+          {{-0.0f, 1, -0.0f, -0.0f}, {-0.0f, 1, -0.0f, -0.0f}, {-0.0f, 1, -0.0f, -0.0f}},
+          {{-1, 0, 0.5f, 2}, {2, 0.5f, 0.5f, -1}, {0.5f, 3, 0, 0.25f}},                  // within some tiles
+      };
+      std::vector<ColorVertex> v;
+      for (const auto& corner : corners) {
+        auto more = triangle(s, {-40, -10, 700, 20, 0, 700}, 0.25f, {});
+        for (int i = 0; i < 3; i++) std::copy_n(corner[i], 4, &more[size_t(i)].color[0]);
+        std::vector<ColorVertex> all;
+        const auto pass = [&](Ideas off) {
+          s.executor.disable(off);
+          s.begin(0.25f, 0.5f, 0.75f, 1);
+          s.pass.color[0].memory = target.memory();
+          s.executor.begin(s.pass);
+          s.draw(d, v);
+          s.draw(d, more);
+          s.end();
+          return std::vector<std::byte>(target.memory().base, target.memory().base + target.layout.size);
+        };
+        const auto before = pass(bit(Idea::WholeBlocks) | bit(Idea::LazyClear));
+        for (int i = 0; i < 12; i++) pass(0);
+        EXPECT_EQ(pass(0), before) << "blend " << blend << ", samples " << samples;
+        EXPECT_EQ(pass(bit(Idea::InUnit)), before) << "blend " << blend << ", samples " << samples;
+        v.insert(v.end(), more.begin(), more.end());
+      }
+      FragmentKey key;
+      key.settled = !blend;
+      size_t instructions[2];
+      for (const bool unit : {false, true}) {
+        key.rows = unit ? Rows::WholeUnit : Rows::WholeFlat;
+        auto routine = buildFragmentRoutine(*pipeline, key);
+        ASSERT_TRUE(routine.hasValue());
+        ASSERT_TRUE((*routine)->code.ready());
+        instructions[unit] = (*routine)->code->instructionCount();
+      }
+      EXPECT_LE(instructions[1] + 8, instructions[0]) << "a minimum and a maximum of four components";
+    }
 }
 
 // Depths that nobody keeps are not written, where planes say what they are; the picture is the same.
@@ -304,7 +366,7 @@ TEST_P(Ablation, RandomPassesHaveTheSameBitsWithEachIdeaOnOrOff) {
   uint64_t hidden = 0, rejected = 0;
   for (uint32_t seed = 0; seed < 4; seed++) {
     const Outcome usual = randomPass(seed, format, samples, kBoth);
-    for (Ideas off : {Ideas(0), bit(Idea::VisibleFirst), bit(Idea::HiZ), bit(Idea::LazyClear), bit(Idea::Squares)}) {
+    for (Ideas off : {Ideas(0), bit(Idea::VisibleFirst), bit(Idea::HiZ), bit(Idea::LazyClear), bit(Idea::Squares), bit(Idea::InUnit)}) {
       const Outcome other = randomPass(seed, format, samples, off);
       EXPECT_EQ(other.color, usual.color) << "seed " << seed << ", off " << off;
       EXPECT_EQ(other.depth, usual.depth) << "seed " << seed << ", off " << off;
