@@ -67,11 +67,13 @@ static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeli
   routine->sharedBytes = key.numerics == ir::Numerics::Oracle ? ir::oracleSharedBytes(shader.function.sharedBytes) : shader.function.sharedBytes;
   routine->groupsApart = routine->sharedBytes || shader.usesBarrier;
   uint32_t loops = 0;   // around the instruction
-  for (const ir::Inst& i : f.insts) {
+  const std::vector<uint8_t> taken = ir::takenValues(f);
+  for (ir::Value v = 1; v < f.insts.size(); ++v) {
+    const ir::Inst& i = f.insts[v];
     routine->groupsApart |= (i.op >= Op::QuadDdx && i.op <= Op::SubgroupReduce) || i.op == Op::LaneId;
     if (i.op == Op::Loop) ++loops;
     if (i.op == Op::EndLoop) --loops;
-    if (loops) routine->waits |= ir::looksAtDeviceMemory(i);
+    if (loops) routine->waits |= ir::looksAtDeviceMemory(i) && (taken[v] || !ir::isAtomic(i.op));
   }
   routine->groupsApart |= routine->waits;
   return routine;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <cstring>
 #include <memory>
 #include <utility>
 
@@ -168,6 +169,57 @@ class Group {
   uint32_t count_ = 0;
 };
 
+//! Whole work groups in one call each, where the routine can.
+class WholeGroups {
+ public:
+  //! Work groups [first, first + count).
+  void run(const DispatchRun& run, uint64_t first, uint64_t count) {
+    prepare(run);
+    uint64_t x = first % run.groupCount[0], y = first / run.groupCount[0] % run.groupCount[1], z = first / run.groupCount[0] / run.groupCount[1];
+    for (uint64_t k = 0; k < count && !run.stop->load(std::memory_order_relaxed); ++k) {
+      setId(run, 0, uint32_t(x));
+      setId(run, 1, uint32_t(y));
+      setId(run, 2, uint32_t(z));
+      if (!shared_.empty()) std::memset(shared_.data(), 0, shared_.size());
+      run.routine.code->runGroup(run.bank, context_);
+      if (++x < run.groupCount[0]) continue;
+      x = 0;
+      if (++y < run.groupCount[1]) continue;
+      y = 0;
+      ++z;
+    }
+  }
+
+ private:
+  static constexpr uint32_t kStep = 8;   // of ids' elements that are looked at
+
+  void prepare(const DispatchRun& run) {
+    if (context_.inputs) return;
+    if (run.routine.sharedBytes) shared_.resize(run.routine.sharedBytes + 64);
+    for (int i = 0; i < 3; ++i) {
+      inputs_[i] = run.locals.ids[i].data();
+      ids_[i].assign(run.invocations, run.baseGroup[i]);
+      inputs_[3 + i] = ids_[i].data();
+    }
+    context_.inputs = inputs_;
+    context_.tables = run.tables;
+    context_.stop = run.stop;
+    context_.lanes = run.invocations;
+    context_.shared = shared_.empty() ? nullptr : shared_.data();
+    context_.sharedBytes = run.routine.sharedBytes;
+  }
+  void setId(const DispatchRun& run, int i, uint32_t relative) {
+    const uint32_t id = run.baseGroup[i] + relative;
+    if (ids_[i][0] == id) return;
+    for (uint32_t l = 0; l < run.invocations; l += kStep) ids_[i][l] = id;
+  }
+
+  interp::ExecContext context_;
+  const void* inputs_[6] = {};
+  std::vector<uint32_t> ids_[3];
+  std::vector<std::byte> shared_;
+};
+
 //! Work groups that may wait for other work groups, whichever: one that keeps giving way lets another begin.
 void runWaiting(const DispatchRun& run, std::atomic<uint64_t>& next, uint64_t groups) {
   constexpr size_t kMost = 4096;        // begun and not finished, of one worker
@@ -234,6 +286,20 @@ void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t
   if (routine->waits) {
     std::atomic<uint64_t> next = 0;
     return pool.parallelFor(uint32_t(std::min<uint64_t>(groups, pool.workerCount())), [&](uint32_t, unsigned) { runWaiting(run, next, groups); });
+  }
+  if (routine->code->runsGroups()) {
+    // Neighbours go to one worker, as long as there is enough for all of them.
+    constexpr uint64_t kMostInvocations = 1 << 16, kPieces = 16;
+    const uint64_t most = std::max<uint64_t>(1, kMostInvocations / invocations);
+    const uint64_t piece = std::clamp<uint64_t>(groups / (kPieces * pool.workerCount()), 1, most), pieces = (groups + piece - 1) / piece;
+    std::vector<WholeGroups> workers(pool.workerCount());
+    constexpr uint64_t kWave = 1u << 30;
+    for (uint64_t done = 0; done < pieces; done += kWave)
+      pool.parallelFor(uint32_t(std::min(kWave, pieces - done)), [&](uint32_t i, unsigned worker) {
+        const uint64_t first = (done + i) * piece;
+        workers[worker].run(run, first, std::min(piece, groups - first));
+      });
+    return;
   }
   std::vector<Group> memory(apart ? pool.workerCount() : 0);
   constexpr uint64_t kWave = 1u << 30;

@@ -5,6 +5,59 @@ namespace pumice::jit {
 
 using ir::AtomicOp;
 
+//! Of which nobody takes the result: each lane's word is changed in place, without a loop where all lanes are active and within bounds.
+void Emitter::updateShared(Value v, InstId change, const x86::Mem& limit) {
+  const auto o = f_.operands(v);
+  const uint32_t mask = p_.regions[region_].mask, lanes = p_.unroll * kVectorLanes;
+  const asmjit::Label some = a_.newLabel(), done = a_.newLabel();
+  const bool same = isUniform(o[1]) || p_.flat[o[1]];
+  for (uint32_t part = 0; part < p_.unroll; part++) {
+    const Ymm off = load(o[0], part, t0());
+    a_.vmovaps(frameMem(frameRow(0), part), off);
+    a_.vpminud(t1(), off, limit);
+    a_.vpcmpeqd(t1(), t1(), off);
+    if (!allActive()) a_.emit(x86::Inst::kIdVpand, t1(), t1(), vregSource(mask, part));
+    const x86::Gp bits = part ? x86::r11d : x86::ecx;
+    a_.vmovmskps(bits, t1());
+    if (part) {
+      a_.shl(bits, 8 * part);
+      a_.or_(x86::ecx, bits);
+    }
+    if (!same) a_.vmovaps(frameMem(frameRow(1), part), load(o[1], part, t0()));
+  }
+  if (same) {
+    const Source s = source(o[1], 0);
+    if (s.isReg) {
+      a_.vmovd(x86::r8d, s.reg().xmm());
+    } else {
+      x86::Mem m = s.mem();
+      m.setSize(4);
+      a_.mov(x86::r8d, m);
+    }
+  }
+  const auto one = [this, same, change](const x86::Mem& offset, const x86::Mem& value) {
+    a_.mov(x86::eax, offset);
+    if (!same) a_.mov(x86::r8d, value);
+    a_.emit(change, x86::dword_ptr(x86::rsi, x86::rax), x86::r8d);
+  };
+  a_.cmp(x86::ecx, int32_t(uint32_t((uint64_t(1) << lanes) - 1)));
+  a_.jne(some);
+  for (uint32_t l = 0; l < lanes; l++) one(x86::dword_ptr(frame_, int32_t(frameRow(0) + 4 * l)), x86::dword_ptr(frame_, int32_t(frameRow(1) + 4 * l)));
+  a_.bind(done);
+  later([this, some, done, one] {
+    const asmjit::Label again = a_.newLabel();
+    a_.bind(some);
+    a_.test(x86::ecx, x86::ecx);
+    a_.jz(done);
+    a_.bind(again);
+    a_.tzcnt(x86::edx, x86::ecx);
+    one(x86::dword_ptr(frame_, x86::rdx, 2, int32_t(frameRow(0))), x86::dword_ptr(frame_, x86::rdx, 2, int32_t(frameRow(1))));
+    a_.blsr(x86::ecx, x86::ecx);
+    a_.jnz(again);
+    a_.jmp(done);
+  });
+}
+
 bool Emitter::atomic(Value v) {
   const Inst& i = f_.insts[v];
   const auto o = f_.operands(v);
@@ -15,6 +68,17 @@ bool Emitter::atomic(Value v) {
   if (ir::typeBytes(i.type) != 4 || f_.type(offset) != Type::I32 || (operation == AtomicOp::FAdd && i.type != Type::F32)) return false;
   if (!shared && (!isUniform(o[0]) || !isUniform(o[2]) || isUnbounded(o[2]))) return false;
   const x86::Mem limit = shared ? sharedRange(constant, 4, true) : bufferRange(o[0], o[2], constant, 4, true);
+  if (shared && !p_.taken[v] && isStaticRange(constant, 4)) {
+    const InstId plain = operation == AtomicOp::Add ? x86::Inst::kIdAdd
+                         : operation == AtomicOp::And ? x86::Inst::kIdAnd
+                         : operation == AtomicOp::Or ? x86::Inst::kIdOr
+                         : operation == AtomicOp::Xor ? x86::Inst::kIdXor
+                                                      : 0;
+    if (plain) {
+      updateShared(v, plain, limit);
+      return true;
+    }
+  }
 
   // ecx: lanes that access.
   a_.vpxor(t2(), t2(), t2());

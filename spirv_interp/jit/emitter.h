@@ -172,6 +172,7 @@ class Emitter {
   void emitFootprint(Value v, uint32_t results);
   void emitFootprintPart(const x86::Mem (&operand)[6], const x86::Mem& limit, uint32_t results, uint32_t part);
   bool atomic(Value v);           // emit_atomic.cpp
+  void updateShared(Value v, InstId change, const x86::Mem& limit);
   x86::Mem bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store);   //!< rsi: base
   void storeRange(Value v, Value offset, Value value, const x86::Gp& base, const x86::Mem& limit);
   struct SharedRange {

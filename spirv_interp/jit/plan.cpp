@@ -28,10 +28,10 @@ class Planner {
   void look() {
     const size_t n = f_.insts.size();
     p_.f = &f_;
-    for (const Inst& i : f_.insts) {
-      p_.present[size_t(i.op)] = true;
-      p_.mayWait |= ir::looksAtOthers(i);
-    }
+    for (const Inst& i : f_.insts) p_.present[size_t(i.op)] = true;
+    if (p_.has(Op::Atomic) || p_.has(Op::AtomicCas) || p_.has(Op::SharedAtomic) || p_.has(Op::SharedAtomicCas)) p_.taken = ir::takenValues(f_);
+    for (Value v = 1; v < n; v++)
+      p_.mayWait |= ir::looksAtOthers(f_.insts[v]) && (!ir::isAtomic(f_.insts[v].op) || p_.taken[v]);
     p_.suspends = p_.mayWait || p_.has(Op::Barrier);
     p_.wholeBlocks &= !p_.suspends && !p_.has(Op::LocalAlloc);
     p_.a = interp::analyse(f_);

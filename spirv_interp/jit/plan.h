@@ -85,6 +85,7 @@ struct Plan {
   //! By load of 64 bits: only its words are looked at. Its two parts then hold lanes 0, 1, 4, 5 and 2, 3, 6, 7, from which one shuffle
   //! takes the words of all eight in order.
   std::vector<uint8_t> crossed;
+  std::vector<uint8_t> taken;    //!< by value: somebody takes it; empty if there are no atomics
   std::vector<Words> words;
   std::vector<uint32_t> wordsOf; //!< by access: index + 1 in words, 0: is none
   std::vector<uint8_t> number;   //!< by f32 value: no NaN

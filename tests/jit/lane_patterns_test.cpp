@@ -73,11 +73,41 @@ void agrees(const std::string& text, const Size& size, size_t sourceBytes, size_
     uint32_t number;
   } draw{{reinterpret_cast<uintptr_t>(source.last(sourceBytes)), sourceBytes, reinterpret_cast<uintptr_t>(target.last(targetBytes)), targetBytes}, number};
   const uint32_t invocations = size[0] * size[1] * size[2];
-  const auto run = [&](const Executable& e) {
+  // Row by row, or a whole work group at once.
+  const auto run = [&](const Executable& e, bool whole = false) {
     std::memset(target.last(targetBytes), 0x55, targetBytes);
     std::vector<std::byte> seen;
     for (uint32_t group = 0; group < 3; group++) {
       std::vector<std::byte> shared(8192);
+      if (whole) {
+        std::vector<uint32_t> ids[6];
+        for (uint32_t i = 0; i < invocations; i++) {
+          const uint32_t id[6] = {i % size[0], i / size[0] % size[1], i / size[0] / size[1], i % 8 ? 0xdeadu : group, i % 8 ? 0xbeefu : 2 * group, i % 8 ? 0 : 7u};
+          for (unsigned k = 0; k < 6; k++) ids[k].push_back(id[k]);
+        }
+        std::vector<uint32_t> results[4];
+        const void* in[6];
+        void* out[4];
+        for (unsigned k = 0; k < 6; k++) in[k] = ids[k].data();
+        for (unsigned k = 0; k < 4; k++) results[k].resize(invocations), out[k] = results[k].data();
+        Table tables[ir::kTableCount] = {};
+        tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&draw), sizeof draw};
+        ExecContext c;
+        c.lanes = invocations;
+        c.inputs = in;
+        c.outputs = out;
+        c.tables = tables;
+        c.shared = shared.data();
+        c.sharedBytes = shared.size();
+        base::ScopedFpEnv environment;
+        e.runGroup(e.preamble(tables), c);
+        for (uint32_t first = 0; first < invocations; first += kMaxLanes)
+          for (const auto& r : results) {
+            const auto* bytes = reinterpret_cast<const std::byte*>(r.data() + first);
+            seen.insert(seen.end(), bytes, bytes + std::min(invocations - first, kMaxLanes) * 4);
+          }
+        continue;
+      }
       for (uint32_t first = 0; first < invocations; first += kMaxLanes) {
         RowRun row(6, 4);
         row.lanes = std::min(invocations - first, kMaxLanes);
@@ -107,6 +137,9 @@ void agrees(const std::string& text, const Size& size, size_t sourceBytes, size_
     ASSERT_TRUE(e) << e.error().message;
     ASSERT_TRUE(run(**e) == want) << "chunks of " << o.chunkLanes << ", " << sourceBytes << " and " << targetBytes << " bytes, number " << number << "\n"
                                   << ir::print(f) << listing;
+    ASSERT_TRUE((*e)->runsGroups());
+    ASSERT_TRUE(run(**e, true) == want) << "whole groups, chunks of " << o.chunkLanes << ", " << sourceBytes << " and " << targetBytes << " bytes, number "
+                                        << number << "\n" << ir::print(f) << listing;
   }
 }
 
@@ -268,6 +301,69 @@ TEST(JitLanePatterns, inLoopsAndWithSomeLanesOnly) {
     %mine = shared.load i32 %at4
     output 1 %mine
   )");
+}
+
+//! Values, variables and loops' counters live on behind barriers; work groups of one row, since a row's barrier knows no other row.
+TEST(JitLanePatterns, barriersWithinAndOutsideOfLoops) {
+  for (const Size& size : kSizes) {
+    if (size[0] * size[1] * size[2] > kMaxLanes) continue;
+    agrees(R"(
+      %sum = var i32
+      %i = var i32
+      %last = isub i32 %total, %five
+      %local = shl i32 %index, %two
+      %at4 = shl i32 %at, %two
+      %a = load i32 %source, %at4, %sourceBytes
+      shared.store %local, %a
+      var.set %sum, %a
+      barrier
+      loop
+        %n = var.get i32 %i
+        %in = ult mask %n, %five
+        %over = mask.not mask %in
+        if %over
+          break 0
+        endif
+        %other = xor i32 %index, %n
+        %o4 = shl i32 %other, %two
+        %b = shared.load i32 %o4
+        %s = var.get i32 %sum
+        %more = iadd i32 %s, %b
+        var.set %sum, %more
+        barrier
+        %some = ult mask %index, %last
+        if %some
+          shared.store %local, %more
+        endif
+        %onec = const i32 1
+        %c1 = const i32 1
+        shared.store +4096 %local, %more
+        %bin = and i32 %more, %three
+        %bin4 = shl i32 %bin, %two
+        %old = shared.atomic i32 add+8000 %bin4, %n
+        if %some
+          %old2 = shared.atomic i32 xor+8032 %bin4, %b
+        endif
+        barrier
+        %n1 = iadd i32 %n, %onec
+        var.set %i, %n1
+      endloop
+      %end = var.get i32 %sum
+      output 0 %end
+      %z4 = and i32 %local, %three
+      %bins = shared.load i32 +8000 %z4
+      output 1 %bins
+      %back = isub i32 %total, %index
+      %b4 = shl i32 %back, %two
+      %mine = shared.load i32 +4092 %b4
+      output 2 %mine
+      %x3 = and i32 %index, %three
+      %x34 = shl i32 %x3, %two
+      %xors = shared.load i32 +8032 %x34
+      output 3 %xors
+    )", size, 3000, 100);
+    if (HasFailure()) return;
+  }
 }
 
 //! They save what they are for: no vector of offsets is made, nor compared.
