@@ -16,6 +16,12 @@ void Bins::addToSome(uint32_t draw, const Primitive& p) {
   if (x0 > x1 || y0 > y1) return;
   if (p.layer >= grid_.layers) return;
   const size_t layer = size_t(p.layer) * grid_.tilesX * grid_.tilesY;
+  // A small one in two tiles side by side touches both, but for what the scissor cuts off: its edges need not even be fetched.
+  if ((x1 - x0) + (y1 - y0) == 1 && p.edgeCount && std::max(p.maxX - p.minX, p.maxY - p.minY) < kTile - 1) {
+    tiles_[layer + size_t(y0) * grid_.tilesX + size_t(x0)].push_back({draw, false, &p});
+    tiles_[layer + size_t(y1) * grid_.tilesX + size_t(x1)].push_back({draw, false, &p});
+    return;
+  }
   // A tile is left out when even its corner that is deepest inside lies outside one edge. Samples lie on
   // [0, 255] / 256 of their pixel, so the tile spans [0, last] in 1/256 pixels.
   constexpr int64_t kSpan = int64_t(kTile) * kSubpixelOne;

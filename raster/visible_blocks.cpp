@@ -11,12 +11,11 @@ namespace pumice::raster {
 #pragma GCC target("avx2,fma,popcnt")
 
 namespace {
-//! Sixteen numbers: `number` where the mask is set.
-inline __attribute__((always_inline)) void putWhere(uint16_t* numbers, uint32_t mask, uint16_t number) {
+//! Of sixteen numbers: `number` where the mask is set.
+inline __attribute__((always_inline)) __m256i putWhere(__m256i numbers, uint32_t mask, uint16_t number) {
   const __m256i bits = _mm256_setr_epi16(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, -32768);
   const __m256i chosen = _mm256_cmpeq_epi16(_mm256_and_si256(_mm256_set1_epi16(int16_t(mask)), bits), bits);
-  __m256i* at = reinterpret_cast<__m256i*>(numbers);
-  _mm256_store_si256(at, _mm256_blendv_epi8(_mm256_load_si256(at), _mm256_set1_epi16(int16_t(number)), chosen));
+  return _mm256_blendv_epi8(numbers, _mm256_set1_epi16(int16_t(number)), chosen);
 }
 
 //! Where sixteen numbers are equal to `number`.
@@ -66,6 +65,7 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
   const KeyBounds own = v.own_;
   BlockSamples at{samples, v.placeX_, v.placeY_, 0, 0, nullptr, v.memory_.samplePitch};
   uint64_t fragments = 0, tested = 0, rejected = 0, won = 0;
+  uint32_t stale = 0;
   for (uint32_t i = 0; i < list.count; i++) {
     const uint32_t n = list.numbers[i];
     const uint16_t* masks = list.masks + i * samples;
@@ -100,14 +100,28 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
       rejected += count;
       continue;
     }
-    if (v.source_[n] != kMemory) v.makeReal(n);
+    if (v.source_[n] == kClear) {
+      // In whole vectors: what follows reads them, and would wait for smaller stores to reach the cache.
+      v.source_[n] = kMemory;
+      v.virtual_[n >> 6] &= ~(uint64_t(1) << (n & 63));
+      const __m256i cleared = kind == DepthKind::Unorm16 ? _mm256_set1_epi16(int16_t(v.clearStored_)) : _mm256_set1_epi32(int32_t(v.clearStored_));
+      for (uint32_t s = 0; s < samples; s++) {
+        __m256i* to = reinterpret_cast<__m256i*>(v.depthOf(n, s));
+        _mm256_storeu_si256(to, cleared);
+        if (kind != DepthKind::Unorm16) _mm256_storeu_si256(to + 1, cleared);
+      }
+    } else if (v.source_[n] != kMemory) {
+      v.makeReal(n);
+    }
     at.blockX = float(int(blockX(n)));
     at.blockY = float(int(blockY(n)));
     at.memory = v.depthOf(n, 0);
     uint16_t passed[16];
     KeyBounds after;
     depth_avx2::testKind<kind, one>(v.equation_, compare, write, at, masks, passed, after);
-    v.setBounds(n, after);
+    v.low_[n] = after.low;
+    v.high_[n] = after.high;
+    stale |= 1u << (n >> 4);
 
     uint32_t passes = uint32_t(__builtin_popcount(passed[0]));
     every = passed[0];
@@ -124,9 +138,18 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
       v.pending_[n >> 6] |= uint64_t(1) << (n & 63);
       continue;
     }
-    if (v.owner_[n] != kMixed) v.splitBlock(n);
-    uint16_t* winners = v.winnersOf(n, 0);
-    for (uint32_t s = 0; s < samples; s++) putWhere(winners + 16 * s, passed[s], number);
+    __m256i* winners = reinterpret_cast<__m256i*>(v.winnersOf(n, 0));
+    if (const uint16_t owner = v.owner_[n]; owner != kMixed) {
+      for (uint32_t s = 0; s < samples; s++) _mm256_store_si256(winners + s, putWhere(_mm256_set1_epi16(int16_t(owner)), passed[s], number));
+      v.owner_[n] = kMixed;
+      v.pending_[n >> 6] |= uint64_t(1) << (n & 63);
+      continue;
+    }
+    for (uint32_t s = 0; s < samples; s++) _mm256_store_si256(winners + s, putWhere(_mm256_load_si256(winners + s), passed[s], number));
+  }
+  if (stale) {
+    v.staleSquares_ |= stale;
+    v.tileKnown_ = false;
   }
   v.counters.fragments += fragments;
   v.counters.tested += tested;
