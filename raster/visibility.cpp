@@ -453,11 +453,16 @@ Visibility::Winners Visibility::takeWinners() {
   };
   for (uint32_t first = 0; first < kBlocksPerTile; first += 8) {
     if (lazyOwner_ >> (first >> 4) & 1) {
-      if (const uint16_t owner = std::exchange(squareOwner_[first >> 4], kNone); owner != kNone) {
-        pending_[first >> 6] &= ~(uint64_t(0xffff) << (first & 63));
-        put(first, owner, 16);
-      }
-      first += 8;
+      // Squares of one owner behind each other, as one.
+      const uint16_t owner = squareOwner_[first >> 4];
+      uint32_t end = first;
+      do {
+        squareOwner_[end >> 4] = kNone;
+        if (owner != kNone) pending_[end >> 6] &= ~(uint64_t(0xffff) << (end & 63));
+        end += 16;
+      } while (end < kBlocksPerTile && end - first < 128 && (lazyOwner_ >> (end >> 4) & 1) && squareOwner_[end >> 4] == owner);
+      if (owner != kNone) put(first, owner, end - first);
+      first = end - 8;
       continue;
     }
     uint64_t& word = pending_[first >> 6];

@@ -47,7 +47,7 @@ class Visibility final : public BlockSink {
     const std::byte* record;       //!< the primitive's own, if it has one
     DepthEquation depth;
   };
-  //! Winners of one primitive in one block: a mask per sample at `masks`. Or in 8 or 16 blocks from a multiple of that on, all of them
+  //! Winners of one primitive in one block: a mask per sample at `masks`. Or in 8 blocks or some squares, from a multiple of 8 on, all of them
   //! whole.
   struct Item {
     uint16_t entry;

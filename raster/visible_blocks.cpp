@@ -66,6 +66,7 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
   BlockSamples at{samples, v.placeX_, v.placeY_, 0, 0, nullptr, v.memory_.samplePitch};
   uint64_t fragments = 0, tested = 0, rejected = 0, won = 0;
   uint32_t stale = 0;
+  const auto number = [&]() __attribute__((always_inline)) { return v.number_ ? v.number_ : v.number(); };
   for (uint32_t i = 0; i < list.count; i++) {
     const uint32_t n = list.numbers[i];
     const uint16_t* masks = list.masks + i * samples;
@@ -88,11 +89,17 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
           continue;
         }
         if (outcome == Outcome::Passes) {
-          v.own(n);
+          won += count;
+          if (v.shaded_) {
+            v.owner_[n] = number();
+            v.pending_[n >> 6] |= uint64_t(1) << (n & 63);
+          }
           if (!write) continue;
-          v.source_[n] = v.number();
+          v.source_[n] = number();
           v.virtual_[n >> 6] |= uint64_t(1) << (n & 63);
-          v.setBounds(n, mine);
+          v.low_[n] = mine.low;
+          v.high_[n] = mine.high;
+          stale |= 1u << (n >> 4);
           continue;
         }
       }
@@ -132,20 +139,19 @@ void Visibility::takeBlocks(Visibility& v, const BlockList& list) {
     if (!passes) continue;
     won += passes;
     if (!v.shaded_) continue;
-    const uint16_t number = v.number();
     if (every == 0xffff) {
-      v.owner_[n] = number;
+      v.owner_[n] = number();
       v.pending_[n >> 6] |= uint64_t(1) << (n & 63);
       continue;
     }
     __m256i* winners = reinterpret_cast<__m256i*>(v.winnersOf(n, 0));
     if (const uint16_t owner = v.owner_[n]; owner != kMixed) {
-      for (uint32_t s = 0; s < samples; s++) _mm256_store_si256(winners + s, putWhere(_mm256_set1_epi16(int16_t(owner)), passed[s], number));
+      for (uint32_t s = 0; s < samples; s++) _mm256_store_si256(winners + s, putWhere(_mm256_set1_epi16(int16_t(owner)), passed[s], number()));
       v.owner_[n] = kMixed;
       v.pending_[n >> 6] |= uint64_t(1) << (n & 63);
       continue;
     }
-    for (uint32_t s = 0; s < samples; s++) _mm256_store_si256(winners + s, putWhere(_mm256_load_si256(winners + s), passed[s], number));
+    for (uint32_t s = 0; s < samples; s++) _mm256_store_si256(winners + s, putWhere(_mm256_load_si256(winners + s), passed[s], number()));
   }
   if (stale) {
     v.staleSquares_ |= stale;
