@@ -158,16 +158,19 @@ Value Filter::lerp(Value a, Value c, Value w) {
   return b_.fma(w, b_.fsub(c, a), a);
 }
 
-bool Filter::filtersHalves() const {
-  if (s_.dimensions != 2 || compare_ || s_.sampler.key.reduction != VK_SAMPLER_REDUCTION_MODE_WEIGHTED_AVERAGE) return false;
+std::optional<Op> Filter::wholeFootprint() const {
+  if (s_.dimensions != 2 || compare_ || s_.sampler.key.reduction != VK_SAMPLER_REDUCTION_MODE_WEIGHTED_AVERAGE) return {};
+  bool halves = s_.format.elementBytes == 8, bytes = s_.format.elementBytes == 4 && unscaled_ && !s_.format.isCompressed();
   for (unsigned c = 0; c < 4; ++c) {
     const Component& k = s_.format.rgba[c];
-    if (k.numeric != Numeric::Sfloat || k.bits != 16 || k.shift != 16 * c) return false;
+    halves &= k.numeric == Numeric::Sfloat && k.bits == 16 && k.shift == 16 * c;
+    bytes &= !k.bits || (k.numeric == Numeric::Unorm && k.bits == 8 && k.shift % 8 == 0);
   }
-  return s_.format.elementBytes == 8;
+  if (halves) return Op::FilterHalves;
+  return bytes ? std::optional(Op::FilterBytes) : std::nullopt;
 }
 
-Texel Filter::reduceHalves(const MipLevel& level, Value face, const Axis* axis) {
+Texel Filter::reduceWhole(Op op, const MipLevel& level, Value face, const Axis* axis) {
   const SliceAddress slice = face ? withinSlice(s_.fields, level.slice, face, 0) : level.slice;
   const bool tiled = isTiled(s_.image.key);
   Value row[2], column[2];
@@ -177,8 +180,11 @@ Texel Filter::reduceHalves(const MipLevel& level, Value face, const Axis* axis) 
     column[k] = columnOffset(b_, tiled, s_.format.elementBytes, axis[0].index[k]);
   }
   Texel out;
-  for (unsigned c = 0; c < 4; ++c)
-    out[c] = b_.emit(Op::FilterHalves, Type::F32, {slice.base, slice.size, row[0], row[1], column[0], column[1], axis[0].weight, axis[1].weight}, c);
+  for (unsigned c = 0; c < 4; ++c) {
+    const Component& k = s_.format.rgba[c];
+    if (!k.bits) out[c] = b_.f32(c == 3 ? 1.0f : 0.0f);
+    else out[c] = b_.emit(op, Type::F32, {slice.base, slice.size, row[0], row[1], column[0], column[1], axis[0].weight, axis[1].weight}, op == Op::FilterBytes ? k.shift / 8 : c);
+  }
   return out;
 }
 
@@ -186,7 +192,7 @@ Texel Filter::reduceHalves(const MipLevel& level, Value face, const Axis* axis) 
 Texel Filter::reduce(const SamplePoint& p, const MipLevel& level, const Axis* axis) {
   unsigned axes = s_.dimensions;
   if (!linear_) return texel(corner(p, level, axis, 0));
-  if (filtersHalves() && !axis[0].inside[0] && !axis[1].inside[0]) return reduceHalves(level, p.face, axis);
+  if (const auto op = wholeFootprint(); op && !axis[0].inside[0] && !axis[1].inside[0]) return reduceWhole(*op, level, p.face, axis);
   Corner corners[8];
   for (unsigned i = 0; i < 1u << axes; ++i) corners[i] = corner(p, level, axis, i);
   Texel out;

@@ -2,6 +2,8 @@
 // depth comparison, seamless cubes, gather. Weights have full f32 precision.
 #pragma once
 
+#include <optional>
+
 #include "texture/sample.h"
 
 namespace pumice::texture {
@@ -52,9 +54,9 @@ class Filter {
   Axis makeAxis(unsigned n, ir::Value u, ir::Value extent, ir::Value offset);
   ir::Value wrapIndex(uint8_t mode, ir::Value i, ir::Value extent, bool anyInteger);
   ir::Value lerp(ir::Value a, ir::Value c, ir::Value w);
-  //! Two-dimensional footprints of four halves a texel: one operation takes all of it.
-  bool filtersHalves() const;
-  Texel reduceHalves(const MipLevel& level, ir::Value face, const Axis* axis);
+  //! Two-dimensional footprints of four halves or four bytes a texel: one operation takes all of it.
+  std::optional<ir::Op> wholeFootprint() const;
+  Texel reduceWhole(ir::Op op, const MipLevel& level, ir::Value face, const Axis* axis);
   Texel reduce(const SamplePoint& p, const MipLevel& level, const Axis* axis);
   Texel reduceCube(const SamplePoint& p, const MipLevel& level, const Axis* axis);
   void acrossEdge(ir::Value extent, ir::Value& x, ir::Value& y, ir::Value& face, ir::Value from);

@@ -12,7 +12,7 @@ bool isSign(Op op) { return op == Op::FNeg || op == Op::FAbs; }
 bool movesLanes(Op op) { return op == Op::QuadSwizzle || op == Op::SubgroupShuffle; }
 //! Makes a NaN of its own.
 bool isArithmetic(Op op) {
-  return (ir::opInfo(op).operands == ir::OperandRule::Float && !isSign(op)) || op == Op::FToF || op == Op::SubgroupReduce || op == Op::FilterHalves;
+  return (ir::opInfo(op).operands == ir::OperandRule::Float && !isSign(op)) || op == Op::FToF || op == Op::SubgroupReduce || ir::isFilter(op);
 }
 
 NanBits join(NanBits a, NanBits b) { return std::max(a, b); }

@@ -23,6 +23,7 @@ bool isCheap(const Inst& i) {
     case Op::TableLoad:
     case Op::LoadConst:
     case Op::FilterHalves:
+    case Op::FilterBytes:
     case Op::QuadLoad:
       return false;
     default:

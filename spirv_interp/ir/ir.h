@@ -76,6 +76,8 @@ inline constexpr OpInfo kOps[] = {
 };
 static_assert(std::size(kOps) == size_t(Op::kCount));
 constexpr const OpInfo& opInfo(Op op) { return kOps[size_t(op)]; }
+//! A component of a bilinear footprint.
+constexpr bool isFilter(Op op) { return op == Op::FilterHalves || op == Op::FilterBytes; }
 
 using Value = uint32_t;  //!< id of an instruction; 0 = none
 

@@ -36,15 +36,17 @@ bool isHighMath(const Inst& i) {
 
 }  // namespace
 
-Value lowerFilter(Builder& b, std::span<const Value> o, uint32_t component) {
+Value lowerFilter(Builder& b, Op op, std::span<const Value> o, uint32_t component) {
   const Value base = o[0], size = o[1], one = b.f32(1.0f);
+  const bool halves = op == Op::FilterHalves;
   const auto texel = [&](Value row, Value column) {
-    const Value element = b.loadConst(Type::I64, base, b.iadd(column, row), size);
+    const Value element = b.loadConst(halves ? Type::I64 : Type::I32, base, b.iadd(column, row), size);
+    if (!halves) return b.convert(Op::SToF, Type::F32, component == 3 ? b.lshr(element, b.i32(24)) : b.and_(element, b.i32(0xffu << 8 * component)));
     const Value word = b.convert(Op::Trunc, Type::I32, component > 1 ? b.lshr(element, b.i64(32)) : element);
     const Value half = b.convert(Op::Trunc, Type::I16, component & 1 ? b.lshr(word, b.i32(16)) : word);
     return b.convert(Op::FToF, Type::F32, b.bitcast(Type::F16, half));
   };
-  const auto lerp = [&](Value a, Value c, Value w) { return b.fma(c, w, b.fmul(a, b.fsub(one, w))); };
+  const auto lerp = [&](Value a, Value c, Value w) { return halves ? b.fma(c, w, b.fmul(a, b.fsub(one, w))) : b.fma(w, b.fsub(c, a), a); };
   Value rows[2];
   for (int r = 0; r < 2; ++r) {
     const Value left = texel(o[2 + r], o[4]);
@@ -55,7 +57,7 @@ Value lowerFilter(Builder& b, std::span<const Value> o, uint32_t component) {
 
 void lowerMath(Function& f, Numerics numerics, bool keepFilters) {
   computeRates(f);
-  if (std::ranges::none_of(f.insts, [](const Inst& i) { return isHighMath(i) || i.op == Op::FilterHalves; })) return;
+  if (std::ranges::none_of(f.insts, [](const Inst& i) { return isHighMath(i) || isFilter(i.op); })) return;
   Function out = withoutInstructions(f);
   Builder b(out);
   AngleCache cache;
@@ -74,14 +76,14 @@ void lowerMath(Function& f, Numerics numerics, bool keepFilters) {
       map[v] = lowerOne(b, i.op, i.type, operands, uniform, numerics, cache);
       if (map[v]) continue;
     }
-    if (i.op == Op::FilterHalves) {
+    if (isFilter(i.op)) {
       const auto o = f.operands(i);
       const Inst& size = f.insts[o[1]];
       // Only where all lanes read one image, each a texel of its own.
       const bool kept = keepFilters && i.rate > Rate::Draw && f.insts[o[0]].rate <= Rate::Draw && size.rate <= Rate::Draw &&
                         !(size.op == Op::Const && size.imm >> 62);
       if (!kept) {
-        map[v] = lowerFilter(b, operands, uint32_t(i.imm));
+        map[v] = lowerFilter(b, i.op, operands, uint32_t(i.imm));
         continue;
       }
     }

@@ -25,7 +25,7 @@ Value lowerF32(Builder& b, Op op, std::span<const Value> operands, bool uniform,
 //! At least 2^-45 relative accuracy (2^-49 measured), pow included.
 Value lowerF64(Builder& b, Op op, std::span<const Value> operands, bool uniform, AngleCache& cache);
 
-//! FilterHalves in plain operations; the components of one footprint share their loads.
-Value lowerFilter(Builder& b, std::span<const Value> operands, uint32_t component);
+//! FilterHalves and FilterBytes in plain operations; the components of one footprint share their loads.
+Value lowerFilter(Builder& b, Op op, std::span<const Value> operands, uint32_t component);
 
 }  // namespace pumice::ir

@@ -22,6 +22,7 @@ ImmKind immKind(Op op) {
     case Op::Descriptor:
     case Op::TupleGet:
     case Op::FilterHalves:
+    case Op::FilterBytes:
       return ImmKind::Number;
     case Op::Load:
     case Op::LoadConst:

@@ -181,7 +181,8 @@ class Verifier {
       case Op::Load:
       case Op::LoadConst:
         return address(i) && check(isSized(i.type), "needs a sized type");
-      case Op::FilterHalves: {
+      case Op::FilterHalves:
+      case Op::FilterBytes: {
         constexpr Type kTypes[] = {Type::I64, Type::I64, Type::I32, Type::I32, Type::I32, Type::I32, Type::F32, Type::F32};
         for (unsigned k = 0; k < std::size(kTypes); ++k)
           if (type(i, k) != kTypes[k]) return fail("operand of the wrong type");
@@ -254,6 +255,7 @@ class Verifier {
                          (i.imm >> 16 & 0xffff),
                      "value outside the plane's element");
       case Op::FilterHalves:
+      case Op::FilterBytes:
         return check(i.imm < 4, "no such component");
       case Op::Atomic:
       case Op::SharedAtomic:

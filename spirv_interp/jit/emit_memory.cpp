@@ -513,7 +513,8 @@ bool Emitter::memory(Value v) {
       loadRange(v, offset, x86::rsi, x86::rdi, limit);
       return true;
     }
-    case Op::FilterHalves: return filterHalves(v);
+    case Op::FilterHalves:
+    case Op::FilterBytes: return filter(v);
     case Op::Store: {
       if (preamble_ || !isUniform(o[0]) || !isUniform(o[2]) || f_.type(o[1]) != Type::I32) return false;
       const x86::Mem limit = bufferRange(o[0], o[2], constant, ir::typeBytes(f_.type(o[3])), true);

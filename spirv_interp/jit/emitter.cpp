@@ -66,6 +66,10 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
     a_.add(x86::rsp, 8);
     a_.ret();
   }
+  if (fetchesTexels_) {
+    a_.align(asmjit::AlignMode::kCode, 16);
+    fetchTexels();
+  }
   out.bankBytes = bankSlots_ * kVectorBytes;
   a_.setErrorHandler(nullptr);
   return error_;

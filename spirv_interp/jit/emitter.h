@@ -168,9 +168,12 @@ class Emitter {
   void loadScattered(Value v, const Ymm& off, uint32_t part, const x86::Gp& base, const x86::Mem& limit);
   void loadPair(Value v, const x86::Gp& base, const x86::Mem& limit);
   void loadAddresses(Value v);    // emit_gather.cpp
-  bool filterHalves(Value v);     // emit_filter.cpp
-  void emitFootprint(Value v, uint32_t results);
-  void emitFootprintPart(const x86::Mem (&operand)[6], const x86::Mem& limit, uint32_t results, uint32_t part);
+  struct FootprintPart;           // emit_filter.h
+  bool filter(Value v);           // emit_filter.cpp
+  void filterHalvesPart(const FootprintPart& f);
+  void filterBytesMasks();        // emit_filter_bytes.cpp
+  void filterBytesPart(const FootprintPart& f);
+  void fetchTexels();
   bool atomic(Value v);           // emit_atomic.cpp
   void updateShared(Value v, InstId change, const x86::Mem& limit);
   x86::Mem bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store);   //!< rsi: base
@@ -268,17 +271,12 @@ class Emitter {
     asmjit::Label end, start, out;   //!< out: behind a loop's end
   };
   std::vector<RegionLabels> labels_;
-  //! Filtered texels: the components stand in the frame, [component][part], from the first of them that is computed.
-  struct Footprint {
-    Value first = 0;
-    uint32_t region = 0, place = 0;
-  };
-  std::vector<Footprint> footprints_;
   uint32_t footprintScratch_ = 0;           // in the frame; 0: none yet
+  bool fetchesTexels_ = false;
   std::vector<asmjit::Label> resumes_;
   std::vector<std::function<void()>> later_;
-  asmjit::Label exit_, thunk_;
   asmjit::Label begin_, dispatch_, step_;   //!< of a chunk: its start, where it goes on, the end of its turn
+  asmjit::Label exit_, thunk_, fetchTexels_;
   bool usesThunk_ = false;
 };
 

@@ -21,7 +21,14 @@ bool changesOne(const Function& f, Value v) {
 
 bool mayWait(const Inst& i) {
   // Loads start early: they take long.
-  return (ir::opInfo(i.op).flags & ir::kPure) && i.op != Op::Const && i.op != Op::LoadConst && i.op != Op::FilterHalves && i.op != Op::TableLoad && i.op != Op::UniformInput;
+  return (ir::opInfo(i.op).flags & ir::kPure) && i.op != Op::Const && i.op != Op::LoadConst && !ir::isFilter(i.op) && i.op != Op::TableLoad && i.op != Op::UniformInput;
+}
+
+//! x - floor(x): of two values that live, one.
+bool isFraction(const Function& f, Value v) {
+  if (f.insts[v].op != Op::FSub) return false;
+  const auto o = f.operands(v);
+  return f.insts[o[1]].op == Op::FFloor && f.operands(o[1])[0] == o[0];
 }
 
 }  // namespace
@@ -55,7 +62,7 @@ void computeWhenNeeded(Function& f) {
   for (Value v = 1; v < count; v++) {
     const Inst& i = f.insts[v];
     // The order of arithmetic in loops is the author's: chains that take turns keep the processor busy.
-    if (mayWait(i) && (!loops || changesOne(f, v))) {
+    if (mayWait(i) && (!loops || changesOne(f, v)) && !isFraction(f, v)) {
       waits[v] = 1;
       waiting.push_back(v);
       continue;

@@ -54,6 +54,7 @@ class Planner {
     findPairs(p_);
     findCrossed(p_);
     findWords(p_);
+    findFootprints(p_);
     findUses();
     walk();
     if (p_.wholeBlocks) findAhead();
@@ -270,13 +271,14 @@ class Planner {
     const Value var = f_.operands(v)[0], x = f_.operands(v)[1];
     if (p_.a.uniform[x] || p_.vregOf[x] == kNone || x <= lastControl_ || p_.flat[x] != p_.flat[var]) return false;
     const uint32_t id = p_.vregOf[x];
-    if (p_.vregs[id].start != x || (shared_[id] & kHoldsVar)) return false;
+    const Value made = p_.madeAt(x);
+    if (p_.vregs[id].start != made || (shared_[id] & kHoldsVar)) return false;
     if (ir::isFloat(f_.type(x)) && p_.a.nan[var] == interp::NanBits::Kept && p_.a.nan[x] == interp::NanBits::Arithmetic) return false;
     if (nextSet_[v] && lastUse_[x] > nextSet_[v]) return false;
     if (home_[var] == kNone) return true;
     if ((shared_[id] & kHasAlias) || !coversAll(home_[var])) return false;
     const uint32_t read = lastRead_[p_.vregOf[var]];
-    return read < x || (read == x && !crossesParts(f_, x));
+    return read < made || (read == made && !crossesParts(f_, x));
   }
   void join(Value v) {
     const Value var = f_.operands(v)[0], x = f_.operands(v)[1];
@@ -299,7 +301,7 @@ class Planner {
   }
   void useMask(Value at) { useReg(p_.regions[current_].mask, at); }
   void define(Value v) {
-    p_.vregOf[v] = newVreg(v, ir::typeBytes(f_.type(v)) == 8);
+    p_.vregOf[v] = newVreg(p_.madeAt(v), ir::typeBytes(f_.type(v)) == 8);
     p_.vregs.back().flat = p_.flat[v];
     p_.vregs.back().weight = weight_;
   }
@@ -545,7 +547,7 @@ bool crossesParts(const Function& f, Value v) {
     std::array<bool, size_t(Op::kCount)> table{};
     for (size_t op = 0; op < table.size(); op++) table[op] = !(ir::kOps[op].flags & ir::kPure);
     for (const Op op : {Op::Select, Op::VarSet, Op::QuadSwizzle, Op::QuadDdx, Op::QuadDdy, Op::If, Op::Else, Op::Loop, Op::Block}) table[size_t(op)] = false;
-    for (const Op op : {Op::Load, Op::LoadConst, Op::TableLoad, Op::FilterHalves}) table[size_t(op)] = true;
+    for (const Op op : {Op::Load, Op::LoadConst, Op::TableLoad, Op::FilterHalves, Op::FilterBytes}) table[size_t(op)] = true;
     return table;
   }();
   const Inst& i = f.insts[v];

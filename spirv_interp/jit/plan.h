@@ -88,6 +88,7 @@ struct Plan {
   std::vector<uint8_t> taken;    //!< by value: somebody takes it; empty if there are no atomics
   std::vector<Words> words;
   std::vector<uint32_t> wordsOf; //!< by access: index + 1 in words, 0: is none
+  std::vector<ir::Value> footprint;   //!< by component of a filter: the first of its footprint, which makes all of them; may be empty
   std::vector<uint8_t> number;   //!< by f32 value: no NaN
   std::vector<uint8_t> signless; //!< by float value: where it is a zero nobody sees its sign
   std::vector<uint8_t> fitsInt;  //!< by FToS to i32: the number is known to be one, and within i32's range
@@ -103,6 +104,7 @@ struct Plan {
   uint32_t frameSlots = 0;       //!< vectors of the frame
 
   bool has(ir::Op op) const { return present[size_t(op)]; }
+  ir::Value madeAt(ir::Value v) const { return footprint.empty() || !footprint[v] ? v : footprint[v]; }
   bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
   uint32_t parts(const Vreg& r) const { return r.flat ? 1 : r.wide ? unroll * 2 : unroll; }
 };

@@ -15,5 +15,7 @@ void findPairs(Plan& p);
 void findCrossed(Plan& p);
 //! Plan::words and wordsOf (plan_words.cpp).
 void findWords(Plan& p);
+//! Plan::footprint.
+void findFootprints(Plan& p);
 
 }  // namespace pumice::jit

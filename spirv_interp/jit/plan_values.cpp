@@ -139,6 +139,14 @@ void settleBounded(Plan& p) {
         if (ir::isPlaneInUnit(f, v)) r = {0, 1, true};
         else if (b(0).finite() && b(1).finite() && b(2).finite()) r = sum(product(b(0), b(1)), b(2));
         break;
+      case Op::FilterBytes: {
+        const double most = i.imm == 1 ? 0xff00 : i.imm == 2 ? 0xff0000 : 0xff;
+        if (!b(6).finite() || !b(7).finite()) break;
+        const Bounds texels{0, most, true}, change{-most, most, true};
+        const Bounds row = sum(product(b(6), change), texels);
+        r = sum(product(b(7), {row.low - row.high, row.high - row.low, true}), row);
+        break;
+      }
       case Op::FFloor:
       case Op::FCeil:
       case Op::FTrunc:
@@ -260,6 +268,23 @@ void findCrossed(Plan& p) {
   }
   for (Value v = 1; v < f.insts.size(); v++)
     if (const Value second = p.pairSecond[v]; second && p.crossed[v] != p.crossed[second]) p.crossed[v] = p.crossed[second] = 0;
+}
+
+void findFootprints(Plan& p) {
+  const Function& f = *p.f;
+  if (!p.has(Op::FilterHalves) && !p.has(Op::FilterBytes)) return;
+  p.footprint.assign(f.insts.size(), 0);
+  Value before = 0;
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (!p.a.needed[v] || p.a.uniform[v]) continue;
+    if (ir::isFilter(i.op)) {
+      const auto o = f.operands(v), other = f.operands(before);
+      const bool more = before && f.insts[before].op == i.op && std::equal(o.begin(), o.end(), other.begin());
+      p.footprint[v] = more ? p.footprint[before] : v;
+    }
+    before = ir::isFilter(i.op) ? v : 0;
+  }
 }
 
 }  // namespace pumice::jit

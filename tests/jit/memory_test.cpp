@@ -266,6 +266,61 @@ TEST(JitMemory, footprintsOfHalves) {
         )", bytes);
 }
 
+// Bilinear footprints of four bytes: columns side by side in all lanes, in all but one, of blocks, or anywhere; the components of one
+// footprint together, alone, and as what variables hold.
+TEST(JitMemory, footprintsOfBytes) {
+  for (const char* second : {"%beside", "%strayed", "%any"})
+    for (const char* column : {"%column", "%block"})
+      for (size_t bytes : {3u, 4u, 100u, 400u, 4096u})
+        agrees(R"(
+          %id = lane.id i32
+          %one = const i32 1
+          %two = const i32 2
+          %three = const i32 3
+          %mask = const i32 511
+          %pitch = const i32 72
+          %x0 = and i32 %data, %three
+          %sum = iadd i32 %x0, %id
+          %column = shl i32 %id, %two
+          %block = shl i32 %sum, %two
+          %any = and i32 %data, %mask
+          %row = lshr i32 %off, %three
+          %next = iadd i32 %row, %pitch
+          %four = const i32 4
+          %beside = iadd i32 )" + std::string(column) + R"(, %four
+          %seventeen = const i32 17
+          %is = ieq mask %id, %seventeen
+          %strayed = select i32 %is, %row, %beside
+          %byte = const i32 255
+          %scale = const f32 0x3b808081
+          %w0 = and i32 %data, %byte
+          %w1 = stof f32 %w0
+          %wx = fmul f32 %w1, %scale
+          %v0 = and i32 %off, %byte
+          %v1 = stof f32 %v0
+          %wy = fmul f32 %v1, %scale
+          %kept = fadd f32 %wx, %wy
+          %held = var f32
+          %a = filter.bytes f32 0 %ubase, %usize, %row, %next, )" + column + ", " + second + R"(, %wx, %wy
+          %b = filter.bytes f32 3 %ubase, %usize, %row, %next, )" + column + ", " + second + R"(, %wx, %wy
+          %c = filter.bytes f32 1 %ubase, %usize, %row, %next, )" + column + ", " + second + R"(, %wx, %wy
+          %d = filter.bytes f32 1 %ubase, %usize, %row, %next, )" + column + ", " + second + R"(, %wx, %wy
+          var.set %held, %c
+          %ab = fadd f32 %a, %b
+          output 0 %ab
+          if %some
+            %e = filter.bytes f32 2 %ubase, %usize, %next, %row, )" + column + ", " + second + R"(, %wy, %kept
+            %f = filter.bytes f32 0 %ubase, %usize, %next, %row, )" + column + ", " + second + R"(, %wy, %kept
+            var.set %held, %f
+            output 1 %e
+          endif
+          %got = var.get f32 %held
+          output 2 %got
+          %dk = fadd f32 %d, %kept
+          output 3 %dk
+        )", bytes);
+}
+
 TEST(JitMemory, loadsOfSomeLanesOnly) {
   agrees(R"(
     if %some

@@ -227,16 +227,20 @@ class Generator {
   void filterTexels() {
     const Buffer a = buffer(r_.chance(70) ? BufferId::Data : BufferId::MoreData);
     for (uint32_t n = 1 + r_.below(2); n--;) {
-      const bool picture = r_.chance(60);
+      const bool picture = r_.chance(60), halves = r_.chance(50);
+      const uint32_t bytes = halves ? 8 : 4;
       const auto bits = [&](uint32_t from, uint32_t to) { return b_.shl(b_.and_(b_.lshr(b_.laneId(), b_.i32(from)), b_.i32(1)), b_.i32(to)); };
       Value o[8] = {a.base, a.size};
+      const Value words = b_.shl(b_.and_(b_.laneId(), b_.i32(7)), b_.i32(2));   // side by side
       for (uint32_t k = 0; k < 2; ++k) {
-        o[2 + k] = picture ? b_.iadd(bits(1, 5), b_.i32(32 * (k + r_.below(16)))) : offset(kDataBytes / 2, 8);
-        o[4 + k] = picture ? b_.iadd(b_.iadd(bits(0, 3), bits(2, 4)), b_.i32(8 * k + r_.below(40))) : offset(kDataBytes / 2, 8);
+        o[2 + k] = picture ? b_.iadd(bits(1, 5), b_.i32(32 * (k + r_.below(16)))) : offset(kDataBytes / 2, bytes);
+        if (!picture) o[4 + k] = offset(kDataBytes / 2, bytes);
+        else if (halves) o[4 + k] = b_.iadd(b_.iadd(bits(0, 3), bits(2, 4)), b_.i32(8 * k + r_.below(40)));
+        else o[4 + k] = k ? b_.iadd(words, b_.i32(4)) : words;
         o[6 + k] = pick(Type::F32);
       }
       for (uint32_t c = 0; c < 4; ++c)
-        if (r_.chance(70)) emit(Op::FilterHalves, Type::F32, {o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7]}, c);
+        if (r_.chance(70)) emit(halves ? Op::FilterHalves : Op::FilterBytes, Type::F32, {o[0], o[1], o[2], o[3], o[4], o[5], o[6], o[7]}, c);
     }
   }
   void loadData() {
