@@ -40,7 +40,9 @@ bool Emitter::lanes(Value v) {
       return true;
     case Op::QuadSwizzle:
       return each([&](Ymm d, uint32_t part) {
-        a_.emit(wide ? I::kIdVpermq : I::kIdVpermilps, d, source(o[0], part), asmjit::imm(uint32_t(i.imm & 0xff)));
+        // Of a shared value: from all quads' to one part's.
+        const uint32_t lanes = p_.shared[o[0]] ? 0x55 * (part * 4 / p_.unroll) : uint32_t(i.imm & 0xff);
+        a_.emit(wide ? I::kIdVpermq : I::kIdVpermilps, d, source(o[0], part), asmjit::imm(lanes));
       });
     case Op::SubgroupAny:
     case Op::SubgroupAll:
@@ -297,6 +299,21 @@ void Emitter::derivative(Value v) {
   //                                 to - from, 2 bits a lane
   const uint32_t to = x ? (fine ? 0b11110101u : 0b01010101u) : (fine ? 0b11101110u : 0b10101010u);
   const uint32_t from = x ? (fine ? 0b10100000u : 0u) : (fine ? 0b01000100u : 0u);
+  if (p_.shared[v]) {
+    // One lane of each quad, two parts side by side, or four.
+    const auto gather = [&](const Ymm& d, uint32_t lane) {
+      if (p_.unroll == 1) return void(a_.emit(I::kIdVpermilps, d, source(o, 0), asmjit::imm(lane)));
+      a_.emit(I::kIdVshufps, d, load(o, 0, d), source(o, 1), asmjit::imm(lane));
+      if (p_.unroll < 4) return;
+      a_.emit(I::kIdVshufps, t2(), load(o, 2, t2()), source(o, 3), asmjit::imm(lane));
+      a_.vshufps(d, d, t2(), 0x88);
+    };
+    gather(t0(), to);
+    gather(t1(), from);
+    const Ymm d = target(v, 0);
+    a_.vsubps(d, t0(), t1());
+    return finish(v, 0, d);
+  }
   for (uint32_t part = 0; part < partsOf(i.type); part++) {
     const Source s = source(o, part);
     const Ymm d = target(v, part);

@@ -246,7 +246,7 @@ void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::G
   }
   if (bytes == 4) {
     const bool look = mayBeLinear(offset), record = !look && isRecord(f_, offset);
-    for (uint32_t part = 0; part < p_.unroll; part++) {
+    for (uint32_t part = 0; part < partsOf(t); part++) {
       const Ymm off = load(offset, part, t0());
       const Ymm d = target(v, part);
       const asmjit::Label general = a_.newLabel(), done = a_.newLabel();

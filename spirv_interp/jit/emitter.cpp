@@ -326,7 +326,7 @@ void Emitter::body() {
     if (op != Op::QuadLoad && op != Op::VarGet && op != Op::VarSet && ir::opInfo(op).operands == ir::OperandRule::Free) quadPointers_ = false;
     if (ir::opInfo(op).flags & ir::kControl || op == Op::Barrier) control(v);
     else {
-      single_ = p_.flat[v];
+      single_ = p_.flat[v] || p_.shared[v];
       operation(v);
       single_ = false;
     }

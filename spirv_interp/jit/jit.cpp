@@ -15,6 +15,7 @@
 #include "spirv_interp/jit/emitter.h"
 #include "spirv_interp/jit/halves.h"
 #include "spirv_interp/jit/order.h"
+#include "spirv_interp/jit/quads.h"
 
 namespace pumice::jit {
 namespace {
@@ -249,6 +250,7 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
   if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
   if (jit.wholeBlocks) computeWhenNeeded(f);
+  shareAmongQuads(f);
   std::vector<LanePattern> patterns = findPatterns(f);
   Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, avx512 ? kRegistersAvx512 : kRegistersAvx2, std::move(patterns));
   plan.upperFirst = jit.upperFirst;

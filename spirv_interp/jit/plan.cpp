@@ -4,6 +4,7 @@
 #include "spirv_interp/ir/one_record.h"
 #include "spirv_interp/ir/waits.h"
 #include "spirv_interp/jit/plan_steps.h"
+#include "spirv_interp/jit/quads.h"
 
 namespace pumice::jit {
 namespace {
@@ -49,6 +50,8 @@ class Planner {
     p_.vregs.reserve(n + 8);
     lastRead_.reserve(n + 8);
     shared_.reserve(n + 8);
+    if (p_.has(Op::QuadDdx) || p_.has(Op::QuadDdy)) p_.shared = findShared(f_, p_.a.uniform);
+    else p_.shared.assign(n, 0);
     settleBounded(p_);
     findFolded(p_);
     findPairs(p_);
@@ -302,7 +305,7 @@ class Planner {
   void useMask(Value at) { useReg(p_.regions[current_].mask, at); }
   void define(Value v) {
     p_.vregOf[v] = newVreg(p_.madeAt(v), ir::typeBytes(f_.type(v)) == 8);
-    p_.vregs.back().flat = p_.flat[v];
+    p_.vregs.back().flat = p_.flat[v] || p_.shared[v];
     p_.vregs.back().weight = weight_;
   }
 

@@ -29,7 +29,7 @@ struct Vreg {
   uint32_t start = 0, end = 0;   //!< positions (values' ids) of the first definition and the last use
   float weight = 0;              //!< uses, those in loops counting more
   bool wide = false;             //!< 64-bit elements
-  bool flat = false;             //!< all lanes hold the same: one part serves for all
+  bool flat = false;             //!< all lanes hold the same, or all lanes of a quad (Plan::shared): one part serves for all
   bool uniform = false;          //!< a constant or a value of the bank, for a while in a register: needs no slot
   bool unused = false;           //!< another Vreg took its place
   bool ahead = false;            //!< written once a row: has a slot for all its life, and no register
@@ -77,6 +77,7 @@ struct Plan {
   //! By value (or var): it is the same in all lanes, active or not, though it changes during a run: counters of loops that
   //! all lanes run alike, and what is computed from them. By break: all lanes of the construct leave together.
   std::vector<uint8_t> flat;
+  std::vector<uint8_t> shared;   //!< by value: one vector for all parts, of an element for each quad (quads.h)
   std::vector<ir::Value> zeroed; //!< vars that must be zero at the start
   std::vector<uint8_t> folded;   //!< by value: not computed, as its users look through it: an fneg (fma), a shift to an upper word (trunc), halves on their way to f32
   //! Loads whose addresses are mostly neighbours: columns x and x + 1 of a texture. By the first the second, and back; both are done where

@@ -30,7 +30,7 @@ bool isScattered(const Plan& p, Value v) {
   const Inst& i = f.insts[v];
   if (i.op != Op::LoadConst || !p.a.needed[v] || p.a.uniform[v] || p.flat[v] || ir::typeBytes(i.type) < 4) return false;
   const auto o = f.operands(v);
-  return p.a.uniform[o[0]] && p.a.uniform[o[2]] && !p.a.uniform[o[1]] && !p.flat[o[1]] && f.insts[o[1]].op == Op::IAdd &&
+  return p.a.uniform[o[0]] && p.a.uniform[o[2]] && !p.a.uniform[o[1]] && !p.flat[o[1]] && !p.shared[o[1]] && f.insts[o[1]].op == Op::IAdd &&
          !(f.insts[o[2]].op == Op::Const && f.insts[o[2]].imm >> 62);
 }
 
@@ -52,6 +52,7 @@ void findSignless(Plan& p) {
         const bool negative = other.imm >> (8 * ir::typeBytes(i.type) - 1) & 1;
         blind = p.signless[v] || (other.op == Op::Const && negative == (i.op == Op::FMin));
       }
+      if (i.op == Op::QuadSwizzle) blind = p.signless[v];
       if (!blind) p.signless[o[k]] = 0;
     }
   }
@@ -84,6 +85,7 @@ void settleBounded(Plan& p) {
         case Op::UMax: most[v] = std::max(most[o[0]], most[o[1]]); break;
         case Op::And: most[v] = std::min(most[o[0]], most[o[1]]); break;
         case Op::LShr: most[v] = f.insts[o[1]].op == Op::Const ? most[o[0]] >> (f.insts[o[1]].imm & 31) : most[o[0]]; break;
+        case Op::QuadSwizzle: most[v] = most[o[0]]; break;
         case Op::FToS: {
           constexpr double kRange = 2147483000;
           const Bounds& x = bounds[o[0]];
@@ -120,6 +122,7 @@ void settleBounded(Plan& p) {
         if (!r.number) r = {};
         break;
       }
+      case Op::QuadSwizzle: r = b(0); break;
       case Op::FAdd:
         if (b(0).finite() && b(1).finite()) r = sum(b(0), b(1));
         break;
@@ -160,8 +163,8 @@ void settleBounded(Plan& p) {
     }
     if (!(r.low > -1e30 && r.high < 1e30)) {
       // Products of such would leave the range; the number alone is still worth knowing.
-      if (r.number && i.op != Op::FMin && i.op != Op::FMax && i.op != Op::Const) r = {};
-    } else if (i.op != Op::Const && i.op != Op::FMin && i.op != Op::FMax) {
+      if (r.number && i.op != Op::FMin && i.op != Op::FMax && i.op != Op::Const && i.op != Op::QuadSwizzle) r = {};
+    } else if (i.op != Op::Const && i.op != Op::FMin && i.op != Op::FMax && i.op != Op::QuadSwizzle) {
       // Roundings.
       r.low -= std::abs(r.low) * 1e-6 + 1e-30;
       r.high += std::abs(r.high) * 1e-6 + 1e-30;

@@ -29,7 +29,7 @@ bool mayLead(const Plan& p, Value v) {
   const Function& f = *p.f;
   const Inst& i = f.insts[v];
   if (i.op != Op::Load && i.op != Op::LoadConst && !isStore(i.op) && i.op != Op::SharedLoad) return false;
-  if (!p.a.needed[v] || p.a.uniform[v] || p.flat[v] || (i.flags & ir::kInstVolatile) || p.pairFirst[v] || p.pairSecond[v]) return false;
+  if (!p.a.needed[v] || p.a.uniform[v] || p.flat[v] || p.shared[v] || (i.flags & ir::kInstVolatile) || p.pairFirst[v] || p.pairSecond[v]) return false;
   const auto o = f.operands(v);
   if (!isShared(i.op) && (!p.a.uniform[o[0]] || !p.a.uniform[o[2]] || (f.insts[o[2]].op == Op::Const && f.insts[o[2]].imm >> 62))) return false;
   const Value offset = o[offsetOperand(i.op)];

@@ -321,6 +321,57 @@ TEST(JitMemory, footprintsOfBytes) {
         )", bytes);
 }
 
+// What quads share (of three lanes, all that coarse derivatives look at): arithmetic on derivatives, records that it chooses, conditions and variables that lanes look at.
+TEST(JitMemory, valuesOfQuads) {
+  for (size_t bytes : {7u, 100u, 4096u})
+    agrees(R"(
+      %fortyeight = const i32 48
+      %three = const i32 3
+      %byte = const i32 255
+      %one = const f32 0x3f800000
+      %scale = const f32 0x3b808081
+      %none = const f32 0x0
+      %held = var f32
+      %w0 = and i32 %data, %byte
+      %w1 = stof f32 %w0
+      %x = fmul f32 %w1, %scale
+      %v0 = and i32 %off, %byte
+      %y = stof f32 %v0
+      %dx = quad.ddx f32 0 %x
+      %dy = quad.ddy f32 0 %y
+      %xx = fmul f32 %dx, %dx
+      %sum = fma f32 %dy, %dy, %xx
+      %length = fsqrt f32 %sum
+      %log = flog2 f32 %length
+      %low = fmax f32 %log, %none
+      %level = ftos i32 %low
+      %some3 = and i32 %level, %three
+      %record = imul i32 %some3, %fortyeight
+      %field = load.const i32 +4 %ubase, %record, %usize
+      %both = iadd i32 %field, %level
+      %lane = iadd i32 %both, %data
+      output 0 %lane
+      %floor = ffloor f32 %low
+      %rest = fsub f32 %low, %floor
+      var.set %held, %rest
+      %far = flt mask %one, %rest
+      %near = flt mask %rest, %one
+      %picked = select f32 %near, %sum, %dx
+      %mixed = fadd f32 %picked, %x
+      output 1 %mixed
+      %between = flt mask %none, %rest
+      if %between
+        %deep = fmul f32 %length, %x
+        var.set %held, %deep
+        if %far
+          output 2 %field
+        endif
+      endif
+      %got = var.get f32 %held
+      output 3 %got
+    )", bytes);
+}
+
 TEST(JitMemory, loadsOfSomeLanesOnly) {
   agrees(R"(
     if %some
