@@ -60,8 +60,10 @@ class Task {
   void abandon();
 
  private:
+  friend class ThreadPool;
   enum : uint32_t { kPending, kBegun, kDone };
   std::atomic<uint32_t> state_{kPending};
+  std::atomic<int64_t> posted_{0}, begun_{0};  // when, by the steady clock's ticks; 0: not yet
   std::function<void()> body_;
 };
 
@@ -83,7 +85,7 @@ class ThreadPool {
   // nobody else holds any more is left out. With one thread it is done here and now.
   void post(std::shared_ptr<Task> task, bool urgent = false);
 
-  // Like task.finish(), but does other tasks while somebody else is busy with this one.
+  // Like task.finish(), but does other tasks while somebody else is busy with this one, unless that will probably be over soon.
   void finish(Task& task);
 
   // For good: items that nobody has begun are left out from now on. Those that have been begun may look at cancelled().

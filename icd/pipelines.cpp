@@ -10,6 +10,7 @@
 #include "icd/descriptors.h"
 #include "icd/pipeline_cache.h"
 #include "icd/render_pass.h"
+#include "spirv_interp/frontend/shader_bytes.h"
 #include "spirv_interp/ir/checks.h"
 
 namespace pumice::icd {
@@ -36,7 +37,14 @@ base::Result<std::shared_ptr<const frontend::Module>> moduleOf(const VkPipelineS
 
 frontend::Stage stageOf(VkShaderStageFlagBits s);
 
-ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::vector<frontend::SpecializationConstant>& constants, base::ThreadPool& workers) {
+void keep(ShaderModule& holder, ShaderModule::Translated made) {
+  std::lock_guard lock(holder.mutex);
+  if (holder.translated.size() < kMostTranslated) holder.translated.push_back(std::move(made));
+}
+
+//! `unjudged`: the module, if the validator may still have something against it.
+ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::vector<frontend::SpecializationConstant>& constants, base::ThreadPool& workers,
+                      std::shared_ptr<const frontend::Module>& unjudged) {
   ShaderModule* const holder = from(stage.module);
   const frontend::Stage kind = stageOf(stage.stage);
   const unsigned checks = ir::wantedChecks();
@@ -48,11 +56,13 @@ ShaderResult shaderOf(const VkPipelineShaderStageCreateInfo& stage, const std::v
   auto module = moduleOf(stage, workers);
   if (!module) return std::move(module).error();
   auto shader = frontend::translate(**module, kind, stage.pName, constants);
-  if (auto valid = frontend::validity(**module, &workers); !valid) return valid.error();
-  if (shader && holder) {
-    std::lock_guard lock(holder->mutex);
-    if (holder->translated.size() < kMostTranslated) holder->translated.push_back({kind, stage.pName, constants, checks, *shader});
+  // What the translator makes of any words is verified; with this it may be linked as well, before the verdict.
+  if (shader && frontend::namesOnlyWhatIsThere(**shader)) {
+    unjudged = *module;
+    return shader;
   }
+  if (auto valid = frontend::validity(**module, &workers); !valid) return valid.error();
+  if (shader && holder) keep(*holder, {kind, stage.pName, constants, checks, *shader});
   return shader;
 }
 
@@ -85,6 +95,14 @@ struct Making {
   bool refused = false;             //!< something had to be translated and might not
   uint32_t stages = 0, hits = 0;
   VkPipelineCreationFeedback feedback[8] = {};   //!< of the stages, in the order of the create-info
+  //! Shaders of modules on which there was no verdict yet, and where they are kept when it is good.
+  struct Unjudged {
+    std::shared_ptr<const frontend::Module> module;
+    ShaderModule* holder;
+    ShaderModule::Translated made;
+    ShaderKey key;
+  };
+  std::vector<Unjudged> unjudged;
   //! Where routines are left. What PUMICE_CHECK watches is the interpreter's, and not worth it.
   std::shared_ptr<pipeline::PipelineStore> keeps() const { return cache && !ir::wantedChecks() ? cache->routines() : nullptr; }
 };
@@ -119,10 +137,26 @@ ShaderResult translateStage(const VkPipelineShaderStageCreateInfo& stage, uint32
     making.refused = true;
     return base::Error{"the shader is not in the cache"};
   }
-  auto shader = shaderOf(stage, constants, making.workers);
-  if (shader && making.cache) making.cache->insert(key, *shader);
+  std::shared_ptr<const frontend::Module> module;
+  auto shader = shaderOf(stage, constants, making.workers, module);
+  if (module) making.unjudged.push_back({std::move(module), from(stage.module), {stageOf(stage.stage), stage.pName, std::move(constants), ir::wantedChecks(), *shader}, key});
+  else if (shader && making.cache) making.cache->insert(key, *shader);
   done(0);
   return shader;
+}
+
+//! What the validator has against the modules. Shaders of good ones are kept.
+base::Status judge(Making& making) {
+  base::Status verdict;
+  for (Making::Unjudged& u : making.unjudged) {
+    if (auto valid = frontend::validity(*u.module, &making.workers); !valid) {
+      if (verdict) verdict = valid;
+      continue;
+    }
+    if (making.cache) making.cache->insert(u.key, u.made.shader);
+    if (u.holder) keep(*u.holder, std::move(u.made));
+  }
+  return verdict;
 }
 
 // Everything of the create-info that is not ignored for this pipeline (spec, VkGraphicsPipelineCreateInfo).
@@ -298,7 +332,8 @@ VkResult createPipelines(VkDevice handle, VkPipelineCache cache, uint32_t count,
       one = VK_ERROR_OUT_OF_HOST_MEMORY;
     } else {
       try {
-        auto made = make(infos[i], making, *object);
+        base::Status made = make(infos[i], making, *object);
+        if (auto valid = judge(making); !valid) made = std::move(valid);   // says more than what came of it
         if (!made && making.refused) {
           one = VK_PIPELINE_COMPILE_REQUIRED;
         } else if (!made) {

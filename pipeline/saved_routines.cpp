@@ -4,6 +4,7 @@
 #include <atomic>
 
 #include "base/hash.h"
+#include "pipeline/builders.h"
 #include "pipeline/ideas.h"
 #include "spirv_interp/ir/bytes.h"
 #include "spirv_interp/ir/one_record.h"
@@ -266,6 +267,29 @@ SavedPipelineKey savedPipelineKey(const GraphicsState& s, const Layout& layout, 
   for (VkFormat format : s.colorFormats) k.add(format);
   k.add(s.colorCount), k.add(s.depthStencilFormat), k.add(s.depthAttached), k.add(s.stencilAttached), k.add(s.dynamic), k.add(s.numerics), k.add(s.decisions);
   k.add(layout);
+  return k.key();
+}
+
+SavedPipelineKey vertexPartKey(const GraphicsPipeline& pipeline, const VertexKey& key) {
+  // A new field of these that the vertex routine's maker reads belongs here.
+  static_assert(sizeof(GraphicsState) == 408 && sizeof(StageLink) == 264);
+  const GraphicsState& s = pipeline.state;
+  const StageLink& link = pipeline.link;
+  KeyBytes k;
+  k.add(uint64_t(reinterpret_cast<uintptr_t>(pipeline.vertex.get())));
+  using B = VkVertexInputBindingDescription;
+  using A = VkVertexInputAttributeDescription;
+  using D = VkVertexInputBindingDivisorDescriptionEXT;
+  k.each(s.vertexBindings, &B::binding, &B::stride, &B::inputRate);
+  k.each(s.vertexAttributes, &A::location, &A::binding, &A::format, &A::offset);
+  k.each(s.divisors, &D::binding, &D::divisor);
+  k.add(s.wholeAttributes), k.add(s.decisions);
+  k.add(uint32_t(link.rows.size()));
+  for (const auto& [place, row] : link.rows) k.add(place.location), k.add(place.component), k.add(place.index), k.add(row);
+  k.add(link.rowCount), k.add(link.pointSizeRow), k.add(link.viewportRow), k.add(link.layerRow);
+  k.add(link.clipDistanceRow), k.add(link.cullDistanceRow), k.add(link.clipDistances), k.add(link.cullDistances), k.add(link.decisionRow);
+  k.add(*pipeline.layout);
+  for (const char c : savedKey(key)) k.add(c);
   return k.key();
 }
 

@@ -76,6 +76,9 @@ class SavedPipeline {
 SavedPipelineKey savedPipelineKey(const GraphicsState& state, const Layout& layout, const ShaderIdentity& vertex, const ShaderIdentity& fragment);
 SavedPipelineKey savedPipelineKey(ir::Numerics numerics, const Layout& layout, const ShaderIdentity& compute);
 
+//! Everything that decides what a vertex routine is, but nothing that only fragments look at. The shader counts by its address.
+SavedPipelineKey vertexPartKey(const GraphicsPipeline& pipeline, const VertexKey& key);
+
 //! The pipelines of a VkPipelineCache. Thread-safe.
 class PipelineStore {
  public:

@@ -1,5 +1,7 @@
 // Vertex fetch, vertex shader, and the rows that clipping and setup read.
 #include <cstdio>
+#include <map>
+#include <mutex>
 #include <set>
 
 #include "base/log.h"
@@ -184,8 +186,66 @@ std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipe
   return std::move(made).value();
 }
 
+namespace {
+
+//! Vertex routines that pipelines have: many differ in their fragments alone, and then the vertex shader is linked once.
+class Linked {
+ public:
+  std::shared_ptr<VertexRoutine> find(const SavedPipelineKey& key, const std::shared_ptr<const frontend::Shader>& shader) {
+    std::shared_ptr<VertexRoutine> found;   // let go, should it be the last, when the lock is
+    std::lock_guard lock(mutex_);
+    const auto it = entries_.find(key);
+    // Another shader may have come to stand where one was.
+    if (it == entries_.end() || it->second.shader.owner_before(shader) || shader.owner_before(it->second.shader)) return nullptr;
+    found = it->second.routine.lock();
+    return found;
+  }
+  //! Gives the routine as pipelines are to hold it. The latest of several with one key is known.
+  std::shared_ptr<VertexRoutine> insert(const SavedPipelineKey& key, const std::shared_ptr<const frontend::Shader>& shader, std::shared_ptr<VertexRoutine> made) {
+    std::shared_ptr<VertexRoutine> shared(made.get(), [this, key, made](VertexRoutine* r) {
+      std::lock_guard lock(mutex_);
+      if (const auto it = entries_.find(key); it != entries_.end() && it->second.which == r) entries_.erase(it);
+    });
+    std::lock_guard lock(mutex_);
+    entries_.insert_or_assign(key, Entry{made.get(), shader, shared});
+    return shared;
+  }
+  //! Never destroyed (routine_code.cpp); without routines it holds nothing.
+  static Linked& all() {
+    union Forever {
+      Linked linked;
+      Forever() : linked() {}
+      ~Forever() {}
+    };
+    static Forever forever;
+    return forever.linked;
+  }
+
+ private:
+  struct Entry {
+    const VertexRoutine* which;
+    std::weak_ptr<const frontend::Shader> shader;
+    std::weak_ptr<VertexRoutine> routine;
+  };
+  std::mutex mutex_;
+  std::map<SavedPipelineKey, Entry> entries_;
+};
+
+}  // namespace
+
+static base::Result<std::shared_ptr<VertexRoutine>> linkVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers);
+
 base::Result<std::shared_ptr<VertexRoutine>> buildVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers) {
   if (auto restored = restoreVertexRoutine(pipeline, key, workers)) return restored;
+  if (pipeline.saved) return linkVertexRoutine(pipeline, key, workers);   // which leaves its IR there
+  const SavedPipelineKey part = vertexPartKey(pipeline, key);
+  if (auto known = Linked::all().find(part, pipeline.vertex)) return known;
+  auto made = linkVertexRoutine(pipeline, key, workers);
+  if (!made) return made;
+  return Linked::all().insert(part, pipeline.vertex, std::move(made).value());
+}
+
+static base::Result<std::shared_ptr<VertexRoutine>> linkVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers) {
   ir::Function f;
   f.name = "vertex routine";
   ir::Builder b(f);

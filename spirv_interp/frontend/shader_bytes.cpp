@@ -45,7 +45,9 @@ bool sound(const InterfaceVariable& v) {
          v.type > ir::Type::None && v.type <= ir::Type::F64 && v.interpolation <= Interpolation::Flat && v.sampling <= SampleLocation::Sample;
 }
 
-bool sound(const Shader& s) {
+}  // namespace
+
+bool namesOnlyWhatIsThere(const Shader& s) {
   if (s.stage > Stage::Compute) return false;
   for (const auto* list : {&s.inputs, &s.outputs})
     for (const InterfaceVariable& v : *list)
@@ -58,7 +60,6 @@ bool sound(const Shader& s) {
     invocations *= n;
   }
   if (invocations > 1024 || s.function.sharedBytes > kMostSharedBytes) return false;
-  if (!ir::verify(s.function).empty()) return false;
   const ir::Function& f = s.function;
   const auto resource = [&](uint64_t n) { return n < s.resources.size(); };
   const auto variable = [](const std::vector<InterfaceVariable>& list, const ir::Inst& i) {
@@ -90,8 +91,6 @@ bool sound(const Shader& s) {
   return true;
 }
 
-}  // namespace
-
 std::vector<std::byte> toBytes(const Shader& shader) {
   ir::ByteWriter w;
   w.value(kShaderBytesVersion);
@@ -106,7 +105,7 @@ std::shared_ptr<const Shader> fromBytes(std::span<const std::byte> bytes) {
   if (!r.ok || version != kShaderBytesVersion) return nullptr;
   auto shader = std::make_shared<Shader>();
   fields(r, *shader);
-  if (!r.ok || !r.rest.empty() || !sound(*shader)) return nullptr;
+  if (!r.ok || !r.rest.empty() || !ir::verify(shader->function).empty() || !namesOnlyWhatIsThere(*shader)) return nullptr;
   ir::computeRates(shader->function);
   return shader;
 }

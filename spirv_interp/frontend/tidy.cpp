@@ -25,9 +25,11 @@ struct Writer {
   }
   //! Takes over instruction v of `from`.
   void copy(const ir::Function& from, Value v) {
-    std::vector<Value> operands;
-    for (Value operand : from.operands(v)) operands.push_back(map[operand]);
-    map[v] = append(from.insts[v], operands);
+    ir::Inst inst = from.insts[v];
+    inst.firstOperand = uint32_t(out.operandPool.size());
+    for (Value operand : from.operands(v)) out.operandPool.push_back(map[operand]);
+    out.insts.push_back(inst);
+    map[v] = Value(out.insts.size() - 1);
   }
 };
 
@@ -37,6 +39,8 @@ Writer begin(ir::Function& f) {
   w.out.sharedBytes = f.sharedBytes;
   w.out.imageOps = f.imageOps;
   w.map.assign(f.insts.size(), 0);
+  w.out.insts.reserve(f.insts.size());
+  w.out.operandPool.reserve(f.operandPool.size());
   return w;
 }
 

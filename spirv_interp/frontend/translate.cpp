@@ -271,6 +271,7 @@ void Translator::run(Stage wanted, std::string_view name) {
   auto has = [&](spv::Capability c) {
     return std::find(module.capabilities.begin(), module.capabilities.end(), uint32_t(c)) != module.capabilities.end();
   };
+  b.reserve(std::min<size_t>(module.instructions.size(), 1 << 14));
   variablePointers = has(spv::Capability::VariablePointers) || has(spv::Capability::VariablePointersStorageBuffer);
   shader.function.name = entry->name;
   shader.sources = module.sources;
@@ -341,7 +342,9 @@ Result<std::shared_ptr<const Shader>> translate(const Module& module, Stage stag
       PUMICE_TRY(check(shader->function, "with checks"));
     }
     ir::optimise(shader->function);
-    PUMICE_TRY(check(shader->function, "after optimisation"));
+#ifndef NDEBUG
+    PUMICE_TRY(check(shader->function, "after optimisation"));   // routines are verified again
+#endif
     translator.finishInterface();
     return std::shared_ptr<const Shader>(std::move(shader));
   } catch (const TranslateError& error) {

@@ -1,19 +1,37 @@
 #include "spirv_interp/interpreter/analysis.h"
 
 #include <algorithm>
+#include <array>
 
 namespace pumice::interp {
 namespace {
 
 using ir::Function, ir::Inst, ir::Op, ir::Value;
 
-bool isPure(Op op) { return ir::opInfo(op).flags & ir::kPure; }
-bool isSign(Op op) { return op == Op::FNeg || op == Op::FAbs; }
-bool movesLanes(Op op) { return op == Op::QuadSwizzle || op == Op::SubgroupShuffle; }
+constexpr bool isPure(Op op) { return ir::opInfo(op).flags & ir::kPure; }
+constexpr bool isSign(Op op) { return op == Op::FNeg || op == Op::FAbs; }
+constexpr bool movesLanes(Op op) { return op == Op::QuadSwizzle || op == Op::SubgroupShuffle; }
 //! Makes a NaN of its own.
-bool isArithmetic(Op op) {
+constexpr bool isArithmetic(Op op) {
   return (ir::opInfo(op).operands == ir::OperandRule::Float && !isSign(op)) || op == Op::FToF || op == Op::SubgroupReduce || ir::isFilter(op);
 }
+
+//! What these passes ask of an operation, once for all.
+enum Trait : uint8_t {
+  kArithmetic = 1,   //!< isArithmetic
+  kBlind = 2,        //!< gives no float, and does not look at the bits of a NaN
+  kPasses = 4,       //!< gives bits of an operand
+};
+constexpr auto kTraits = [] {
+  std::array<uint8_t, size_t(Op::kCount)> table{};
+  for (size_t op = 0; op < table.size(); op++) {
+    const Op o = Op(op);
+    if (isArithmetic(o)) table[op] |= kArithmetic;
+    if (o == Op::FToS || o == Op::FToU || ir::opInfo(o).operands == ir::OperandRule::CmpF) table[op] |= kBlind;
+    if (o == Op::Select || o == Op::VarGet || movesLanes(o) || isSign(o)) table[op] |= kPasses;
+  }
+  return table;
+}();
 
 NanBits join(NanBits a, NanBits b) { return std::max(a, b); }
 
@@ -71,7 +89,7 @@ void findNan(const Function& f, Analysis& a) {
       }
       if (!ir::isFloat(i.type) || i.op == Op::Var) continue;
       NanBits r = NanBits::Kept;
-      if (isArithmetic(i.op)) r = NanBits::Arithmetic;
+      if (kTraits[size_t(i.op)] & kArithmetic) r = NanBits::Arithmetic;
       else if (i.op == Op::Const) r = isNan(i.type, i.imm) ? NanBits::Kept : NanBits::Settled;
       else if (i.op == Op::SToF || i.op == Op::UToF) r = NanBits::Settled;
       else if (i.op == Op::Select) r = join(a.nan[f.operands(i)[1]], a.nan[f.operands(i)[2]]);
@@ -93,12 +111,13 @@ void findExposed(const Function& f, Analysis& a) {
     for (Value v = Value(n); v-- > 1;) {
       const Inst& i = f.insts[v];
       // Arithmetic makes NaNs of its own.
-      if (isArithmetic(i.op) || i.op == Op::FToS || i.op == Op::FToU || ir::opInfo(i.op).operands == ir::OperandRule::CmpF) continue;
+      const uint8_t traits = kTraits[size_t(i.op)];
+      if (traits & (kArithmetic | kBlind)) continue;
       const auto o = f.operands(i);
       if (i.op == Op::VarSet) {
         set[o[0]] = 1;
         if (!a.exposed[o[0]]) continue;
-      } else if ((i.op == Op::Select || i.op == Op::VarGet || movesLanes(i.op) || isSign(i.op)) && !a.exposed[v]) {
+      } else if ((traits & kPasses) && !a.exposed[v]) {
         continue;
       }
       for (Value x : o) {

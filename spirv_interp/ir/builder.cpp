@@ -27,10 +27,21 @@ uint32_t hashInst(Op op, Type type, uint8_t flags, std::span<const Value> operan
 }  // namespace
 
 Builder::Builder(Function& f) : f_(f) {
+  // A pass knows how large its result will be, more or less.
+  if (f.insts.capacity() > f.insts.size()) available_.reserve(f.insts.capacity());
   for (const Inst& i : f.insts) {
     if (i.op == Op::Loop || i.op == Op::Block) ++breakDepth_;
     if (i.op == Op::EndLoop || i.op == Op::EndBlock) --breakDepth_;
   }
+}
+
+void Builder::reserve(size_t more) {
+  const auto room = [](auto& list, size_t wanted) {
+    if (list.capacity() < list.size() + wanted) list.reserve(std::max(list.size() + wanted, 2 * list.size()));
+  };
+  room(f_.insts, more);
+  room(f_.operandPool, 2 * more);
+  available_.reserve(available_.mark() + more);
 }
 
 void Builder::openScope() { scopes_.push_back(available_.mark()); }

@@ -21,6 +21,9 @@ class Builder {
   void setLine(uint32_t line) { line_ = line; }
   void setInstFlags(uint8_t flags) { instFlags_ = flags; }   //!< for the instructions that follow
 
+  //! Makes room for about so many more instructions.
+  void reserve(size_t more);
+
   //! Appends (or folds, or finds) an instruction. The typed helpers below are thin wrappers over it.
   Value emit(Op op, Type type, std::span<const Value> operands, uint64_t imm = 0);
   Value emit(Op op, Type type, std::initializer_list<Value> operands, uint64_t imm = 0) {

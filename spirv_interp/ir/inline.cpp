@@ -9,6 +9,7 @@ void inlineShader(Builder& b, const Function& shader, Expander& expander) {
   std::vector<Value> map(shader.insts.size()), operands;
   std::unordered_map<Value, std::vector<Value>> tuples;
   Function& f = b.function();
+  b.reserve(shader.insts.size() + shader.insts.size() / 2);
   f.sharedBytes = std::max(f.sharedBytes, shader.sharedBytes);
 
   for (Value v = 1; v < shader.insts.size(); ++v) {

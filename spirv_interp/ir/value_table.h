@@ -22,9 +22,16 @@ class ValueTable {
   }
 
   void insert(uint32_t hash, uint32_t value) {
-    if ((log_.size() + 1) * 2 > slots_.size()) grow();
+    if ((log_.size() + 1) * 2 > slots_.size()) grow(slots_.empty() ? 256 : slots_.size() * 4);
     log_.push_back({{hash, value}, 0});
     place(log_.back());
+  }
+
+  //! Makes room for about so many.
+  void reserve(size_t values) {
+    size_t slots = 256;
+    while (slots < values * 2) slots *= 2;
+    if (slots > slots_.size()) grow(slots);
   }
 
   size_t mark() const { return log_.size(); }
@@ -49,8 +56,9 @@ class ValueTable {
     slots_[i] = e.slot;
     e.index = i;
   }
-  void grow() {
-    slots_.assign(slots_.empty() ? 64 : slots_.size() * 2, {});
+  void grow(size_t slots) {
+    slots_.assign(slots, {});
+    log_.reserve(slots / 2);
     for (Entry& e : log_) place(e);
   }
   std::vector<Slot> slots_;  // size is a power of two

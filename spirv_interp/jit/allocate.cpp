@@ -17,7 +17,7 @@ using ir::Value;
 
 class Allocator {
  public:
-  explicit Allocator(Plan& p) : p_(p), free_(p.registers) { std::fill(std::begin(weight_), std::end(weight_), kNever); }
+  explicit Allocator(Plan& p) : p_(p), free_(p.registers), top_(p.registers >> 16 ? 32 : 16) { std::fill(std::begin(weight_), std::end(weight_), kNever); }
 
   void run() {
     const size_t n = p_.f->insts.size() + 1;
@@ -54,7 +54,7 @@ class Allocator {
   //! The register whose holder has the least weight, if that is below `limit`, else -1. All registers are taken.
   int lightestBelow(float limit) const {
     __m128 least = _mm_set1_ps(limit);
-    for (uint32_t r = 0; r < kMaxRegisters; r += 4) least = _mm_min_ps(least, _mm_load_ps(weight_ + r));
+    for (uint32_t r = 0; r < top_; r += 4) least = _mm_min_ps(least, _mm_load_ps(weight_ + r));
     least = _mm_min_ps(least, _mm_movehl_ps(least, least));
     const float found = std::min(_mm_cvtss_f32(least), _mm_cvtss_f32(_mm_shuffle_ps(least, least, 1)));
     if (!(found < limit)) return -1;
@@ -141,6 +141,7 @@ class Allocator {
   alignas(16) float weight_[kMaxRegisters];
   static constexpr float kNever = HUGE_VALF;
   uint32_t free_;
+  const uint32_t top_;     //!< registers from here on are not to be had
   uint32_t fresh_ = 0;     //!< registers given at this position
   bool inFrame_ = false;   //!< some part has no register
 };

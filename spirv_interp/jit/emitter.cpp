@@ -82,12 +82,15 @@ void Emitter::fail(Value v, const char* what) {
 // --- constants
 
 x86::Mem Emitter::pool64(uint64_t bits) {
-  const auto [it, fresh] = pooled_.try_emplace(bits, uint32_t(out_->pool.size()));
-  if (fresh) {
+  const uint32_t hash = uint32_t((bits * 0x9e3779b97f4a7c15u) >> 32);
+  uint32_t offset = pooled_.find(hash, [&](uint32_t at) { return std::memcmp(out_->pool.data() + (at - 1), &bits, 8) == 0; });
+  if (!offset) {
+    offset = uint32_t(out_->pool.size()) + 1;
+    pooled_.insert(hash, offset);
     out_->pool.resize(out_->pool.size() + kVectorBytes);
-    for (unsigned k = 0; k < 4; k++) std::memcpy(out_->pool.data() + it->second + 8 * k, &bits, 8);
+    for (unsigned k = 0; k < 4; k++) std::memcpy(out_->pool.data() + (offset - 1) + 8 * k, &bits, 8);
   }
-  return x86::ptr(pool_, int32_t(it->second));
+  return x86::ptr(pool_, int32_t(offset - 1));
 }
 x86::Mem Emitter::poolVector(const uint32_t (&words)[8]) {
   for (const auto& [have, offset] : pooledVectors_)

@@ -12,8 +12,8 @@
 
 #include <functional>
 #include <memory>
-#include <unordered_map>
 
+#include "spirv_interp/ir/value_table.h"
 #include "spirv_interp/jit/frame.h"
 #include "spirv_interp/jit/plan.h"
 #include "spirv_interp/jit/vector_assembler.h"
@@ -253,7 +253,7 @@ class Emitter {
   static constexpr Ymm t1() { return x86::ymm14; }
   static constexpr Ymm t2() { return x86::ymm15; }
 
-  std::unordered_map<uint64_t, uint32_t> pooled_;
+  ir::ValueTable pooled_;   // offsets in the pool, + 1, of vectors of equal words
   std::vector<std::pair<std::vector<uint32_t>, uint32_t>> pooledVectors_;
   std::vector<uint32_t> bankSlot_;          // by value, + 1; of a constant: in the pool
   uint32_t bankSlots_ = 0;

@@ -207,9 +207,11 @@ class Planner {
     std::fill(home_.begin(), home_.end(), kNone);
   }
   bool isFlat(Value v, const std::vector<uint8_t>& flatVar) const {
-    const Inst& i = f_.insts[v];
-    const auto o = f_.operands(v);
     if (!p_.a.needed[v] || p_.a.uniform[v]) return false;
+    const Inst& i = f_.insts[v];
+    const auto o = f_.operands(i);
+    // Most are pure, and vary with their last operand.
+    if (!o.empty() && !p_.a.uniform[o.back()] && !p_.flat[o.back()] && (ir::opInfo(i.op).flags & ir::kPure)) return false;
     if (i.op == Op::Var) return flatVar[v];
     if (i.op == Op::VarGet) return flatVar[o[0]];
     const auto same = [&](Value x) { return p_.a.uniform[x] || p_.flat[x]; };

@@ -249,20 +249,29 @@ TEST(Task, OneThreadDoesItAtOnce) {
   EXPECT_TRUE(task->done());
 }
 
-TEST(Task, WhoWaitsForOneDoesOthers) {
+TEST(Task, WhoWaitsForOneThatWasBegunLatelyDoesOthers) {
   BusyPool busy;
+  Gate begun(2), over(2);
+  auto awaited = std::make_shared<Task>([&] {
+    begun.pass();
+    over.pass();
+  });
+  busy.pool.post(awaited);
+  ::usleep(1000000);   // it waits for a worker longer than what follows takes
+  busy.release();
+  begun.pass();
   auto last = std::make_shared<Task>([] {});
   busy.pool.post(last);
   busy.pool.post(std::make_shared<Task>([] { ADD_FAILURE() << "nobody holds this one"; }));
-  auto urgent = std::make_shared<Task>([&, last] { EXPECT_FALSE(last->done()); });
+  auto urgent = std::make_shared<Task>([&] { EXPECT_FALSE(last->done()); });
   busy.pool.post(urgent, true);
   // The worker cannot: only the waiting thread can do these, and then it waits for the worker.
-  std::thread waiting([&] { busy.pool.finish(*busy.holding); });
+  std::thread waiting([&] { busy.pool.finish(*awaited); });
   for (int i = 0; i < 5000 && !(urgent->done() && last->done()); i++) ::usleep(1000);
   EXPECT_TRUE(urgent->done());
   EXPECT_TRUE(last->done());
-  EXPECT_FALSE(busy.holding->done());
-  busy.release();
+  EXPECT_FALSE(awaited->done());
+  over.pass();
   waiting.join();
 }
 

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <mutex>
 
+#include "pipeline/saved_routines.h"
 #include "spirv_interp/jit/engine.h"
 #include "spirv_interp/jit/jit.h"
 #include "tests/pipeline/scene.h"
@@ -88,6 +89,7 @@ TEST_F(EmittedBeside, WorkersDoIt) {
 }
 
 TEST_F(EmittedBeside, EqualPipelinesShareWhatIsInTheMaking) {
+  draw(make(nullptr, 0.96875f));   // what any pass needs is there afterwards
   Held held;
   const auto emittedFor = [&](int count, float value) {
     const uint64_t before = jit::statistics().emitted;
@@ -98,6 +100,39 @@ TEST_F(EmittedBeside, EqualPipelinesShareWhatIsInTheMaking) {
   };
   emittedFor(1, 0.84375f);   // what all share: the vertex routine
   EXPECT_EQ(emittedFor(10, 0.71875f), emittedFor(1, 0.78125f));
+}
+
+TEST_F(EmittedBeside, AVertexShaderIsLinkedOnceForPipelinesThatDifferInTheirFragments) {
+  const auto vertex = compile(frontend::Stage::Vertex, kColorVertex);
+  const auto fragment = [&](const char* number) {
+    return compile(frontend::Stage::Fragment, std::string("#version 450\nlayout(location = 0) in vec4 color;\nlayout(location = 0) out vec4 target;\nvoid main() { target = color * ") + number + "; }\n");
+  };
+  const auto with = [&](std::shared_ptr<const frontend::Shader> v, std::shared_ptr<const frontend::Shader> f, GraphicsState state) {
+    auto p = createGraphicsPipeline(std::move(state), std::make_shared<Layout>(), std::move(v), std::move(f));
+    EXPECT_TRUE(p.hasValue()) << (p ? "" : p.error().message);
+    return p ? *p : nullptr;
+  };
+  const auto first = with(vertex, fragment("0.53125"), scene.state());
+  uint64_t before = routineCounts().linked;
+  const auto second = with(vertex, fragment("0.59375"), scene.state());
+  EXPECT_EQ(routineCounts().linked - before, 1u) << "the fragment routine";
+  GraphicsState other = scene.state();
+  other.vertexBindings[0].stride *= 2;
+  before = routineCounts().linked;
+  const auto third = with(vertex, fragment("0.65625"), other);
+  EXPECT_EQ(routineCounts().linked - before, 2u) << "another stride";
+  before = routineCounts().linked;
+  const auto fourth = with(vertex, fragment("0.59375 + color.wzyx * 0.0"), scene.state());
+  EXPECT_EQ(routineCounts().linked - before, 1u) << "the first is still there";
+  before = routineCounts().linked;
+  const auto fifth = with(compile(frontend::Stage::Vertex, kColorVertex), fragment("0.84375"), scene.state());
+  EXPECT_EQ(routineCounts().linked - before, 2u) << "another shader";
+  before = routineCounts().linked;
+  const auto sixth = with(vertex, fragment("0.71875"), scene.state());
+  EXPECT_EQ(routineCounts().linked - before, 1u) << "the first beside it";
+  // The pictures are those of pipelines on their own.
+  const auto expected = draw(second);
+  EXPECT_EQ(draw(with(compile(frontend::Stage::Vertex, kColorVertex), fragment("0.59375"), scene.state())), expected);
 }
 
 TEST_F(EmittedBeside, WhatIsDestroyedInTheMeantimeIsNotEmitted) {
