@@ -12,7 +12,10 @@ namespace pumice::pipeline {
 
 namespace {
 
-constexpr uint32_t kWaveChunks = 64;   //!< chunks between two looks at the memory budget
+// What is worked on at a time, by all threads: so many chunks if they are large, and more if they are small. Then comes a look at the
+// memory budget.
+constexpr uint32_t kWaveChunks = 64, kMostWaveChunks = 1024;
+constexpr uint64_t kWavePrimitives = 4096;
 
 //! Primitives of a run of `vertices` consecutive vertices.
 uint32_t primitiveCount(VkPrimitiveTopology t, uint32_t vertices) {
@@ -26,37 +29,6 @@ uint32_t primitiveCount(VkPrimitiveTopology t, uint32_t vertices) {
     default: return 0;
   }
 }
-
-struct Run { uint32_t start, primitives, primitiveId; };       // between two restarts
-struct Segment { uint32_t instance, start, first, primitives, primitiveId; };   // of one run, in one chunk
-
-struct Chunk {
-  std::vector<Segment> segments;
-  std::span<const raster::Primitive> primitives;
-  const uint32_t* tiles = nullptr;   //!< of each: TileGrid::onlyTile
-  bool outOfMemory = false;
-};
-
-//! The draw's index buffer. Reads outside give index 0 (robust buffer access).
-struct Indices {
-  const std::byte* base = nullptr;
-  uint64_t size = 0;
-  uint32_t bytes = 0;   // 0: not indexed
-  uint32_t first = 0;
-  int32_t vertexOffset = 0;
-
-  uint32_t raw(uint32_t position) const {
-    const uint64_t at = (uint64_t(first) + position) * bytes;
-    if (!base || at + bytes > size) return 0;
-    const auto read = [&]<typename T>(T) {   // of a known size: no call
-      T v;
-      std::memcpy(&v, base + at, sizeof v);
-      return uint32_t(v);
-    };
-    return bytes == 4 ? read(uint32_t()) : bytes == 2 ? read(uint16_t()) : read(uint8_t());
-  }
-  uint32_t restart() const { return bytes == 4 ? ~0u : (1u << (8 * bytes)) - 1; }
-};
 
 uint32_t indexBytes(VkIndexType t) {
   return t == VK_INDEX_TYPE_UINT32 ? 4 : t == VK_INDEX_TYPE_UINT16 ? 2 : t == VK_INDEX_TYPE_UINT8_EXT ? 1 : 0;
@@ -115,38 +87,13 @@ class ChunkSource {
   size_t run_ = 0;
 };
 
-//! Everything the chunks of one draw share.
-struct FrontDraw {
-  const VertexRoutine& vertex;
-  const StageLink& link;
-  const interp::UniformBank& bank;
-  const interp::Tables& tables;
-  const raster::SetupState& setup;
-  const raster::TileGrid& grid;
-  const Indices& indices;
-  VkPrimitiveTopology topology;
-  uint32_t firstVertex, firstInstance;
-  const std::atomic<bool>* stop;
+}  // namespace
 
-  //! The index positions of a segment's vertices: `count` from `begin`, and before them, of a fan, the run's first.
-  struct Positions { bool apex; uint32_t begin, count; };
-  Positions positions(const Segment& s) const {
-    switch (topology) {
-      case VK_PRIMITIVE_TOPOLOGY_POINT_LIST: return {false, s.start + s.first, s.primitives};
-      case VK_PRIMITIVE_TOPOLOGY_LINE_LIST: return {false, s.start + s.first * 2, s.primitives * 2};
-      case VK_PRIMITIVE_TOPOLOGY_LINE_STRIP: return {false, s.start + s.first, s.primitives + 1};
-      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_STRIP: return {false, s.start + s.first, s.primitives + 2};
-      case VK_PRIMITIVE_TOPOLOGY_TRIANGLE_FAN: return {true, s.start + s.first + 1, s.primitives + 1};
-      default: return {false, s.start + s.first * 3, s.primitives * 3};
-    }
-  }
-
-  void run(FrontWorker& w, Chunk& chunk) const;
-
- private:
-  template <typename T>
-  T* const* shade(FrontWorker& w) const;
-};
+void FrontDraw::prepare(base::Arena* arena) {
+  prepared = true;
+  bank = vertex->code->preamble(tables);
+  if (record->fragment) record->bank = record->fragment->code->preamble(record->tables, arena);
+}
 
 //! Runs the vertex routine over the worker's list of vertices; null if memory is exhausted. T: what its rows hold.
 template <typename T>
@@ -155,11 +102,11 @@ T* const* FrontDraw::shade(FrontWorker& w) const {
   const uint32_t padded = (count + interp::kMaxLanes - 1) / interp::kMaxLanes * interp::kMaxLanes;
   w.vertexIndex.resize(padded);
   w.vertexInstance.resize(padded);
-  T** rows = w.scratch.alloc<T*>(vertex.rowCount);
-  void** outputs = w.scratch.alloc<void*>(vertex.rowCount);
+  T** rows = w.scratch.alloc<T*>(vertex->rowCount);
+  void** outputs = w.scratch.alloc<void*>(vertex->rowCount);
   uint32_t* inputs[2] = {w.scratch.alloc<uint32_t>(interp::kMaxLanes, 64), w.scratch.alloc<uint32_t>(interp::kMaxLanes, 64)};
   if (!rows || !outputs || !inputs[0] || !inputs[1]) return nullptr;
-  for (uint32_t r = 0; r < vertex.rowCount; ++r)
+  for (uint32_t r = 0; r < vertex->rowCount; ++r)
     if (!(rows[r] = w.scratch.alloc<T>(padded, 64))) return nullptr;
 
   interp::ExecContext context;
@@ -175,8 +122,8 @@ T* const* FrontDraw::shade(FrontWorker& w) const {
     }
     std::memcpy(inputs[0], w.vertexIndex.data() + at, interp::kMaxLanes * 4);
     std::memcpy(inputs[1], w.vertexInstance.data() + at, interp::kMaxLanes * 4);
-    for (uint32_t r = 0; r < vertex.rowCount; ++r) outputs[r] = rows[r] + at;
-    vertex.code->run(bank, context);
+    for (uint32_t r = 0; r < vertex->rowCount; ++r) outputs[r] = rows[r] + at;
+    vertex->code->run(bank, context);
   }
   w.shaded += count;
   return rows;
@@ -217,13 +164,14 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
   }
   raster::VertexOutputs vertices;
   vertices.vertexCount = uint32_t(w.vertexIndex.size());
-  if (vertex.wide) vertices.wideRows = shade<double>(w);
+  const StageLink& link = record->pipeline->link;
+  if (vertex->wide) vertices.wideRows = shade<double>(w);
   else vertices.rows = shade<float>(w);
   if (!vertices.rows && !vertices.wideRows) {
     chunk.outOfMemory = true;
     return;
   }
-  vertices.rowCount = vertex.rowCount;
+  vertices.rowCount = vertex->rowCount;
   vertices.pointSizeRow = link.pointSizeRow;
   vertices.viewportRow = link.viewportRow;
   vertices.layerRow = link.layerRow;
@@ -243,11 +191,9 @@ void FrontDraw::run(FrontWorker& w, Chunk& chunk) const {
   uint32_t* tiles = w.arena.alloc<uint32_t>(w.primitives.size());
   chunk.outOfMemory = chunk.primitives.size() != w.primitives.size() || !tiles;
   if (chunk.outOfMemory) chunk.primitives = {};
-  for (size_t i = 0; i < chunk.primitives.size(); ++i) tiles[i] = grid.onlyTile(w.primitives[i]);
+  for (size_t i = 0; i < chunk.primitives.size(); ++i) tiles[i] = grid->onlyTile(w.primitives[i]);
   chunk.tiles = tiles;
 }
-
-}  // namespace
 
 //! A pipeline that does not match the attachments would write outside of them.
 bool PassExecutor::Impl::fits(const GraphicsState& state) const {
@@ -292,35 +238,14 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
 
   auto vertex = vertexRoutine(pipeline, state);
   if (!vertex) return;
-  auto record = std::make_unique<DrawRecord>();
-  if (!fixed.rasterizerDiscard) {
-    const VisibilityTraits& v = pipeline.visibility;
-    record->visibility = &v;
-    record->leavesViewport = !fixed.depthClamp && (fixed.depthBias || !fixed.depthClip);
-    record->freeRange = freeDepths(fixed);
-    bool ordered = true;   // no NaN
-    for (uint32_t i = 0; i < fixed.viewportCount; ++i) {
-      const VkViewport& viewport = i ? state.furtherViewports[i - 1] : state.viewport;
-      ordered &= viewport.minDepth == viewport.minDepth && viewport.maxDepth == viewport.maxDepth;
-    }
-    // A statistics query counts invocations as if nothing were saved.
-    record->settled = v.opaque && ordered && (!v.depth.test || depthKind) && fixed.samples == samples && !query &&
-                      !(disabled & bit(Idea::VisibleFirst));
-    record->oneColors = uint8_t(v.written & oneColor);
-    record->takesOneColor = record->oneColors && record->oneColors == v.written && fixed.samples == samples && (record->settled || v.oneColor);
-    record->fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics || query, record->settled);
-    if (!record->fragment || !fits(fixed)) return;
-    if (!record->fragment->present && !occlusion && !lookedAt) return;
-    if (pipeline.link.viewportRow < 0 && isEmpty(intersect(state.scissor, pass.renderArea)) && !lookedAt) return;
-    for (uint32_t v = 0; v < fixed.viewportCount; ++v) {
-      const VkViewport& viewport = v ? state.furtherViewports[v - 1] : state.viewport;
-      record->depthRanges[v] = {viewport.minDepth, viewport.maxDepth};
-    }
-  }
-  record->pipeline = state.pipeline;
-  record->occlusion = occlusion;
-  record->query = query;
-  DrawConstants& c = record->constants;
+  // Invocations that can be seen: those of one draw after those of another.
+  if (lookedAt) runFront();
+  DrawRecord& record = draws.add();
+  if (!fixed.rasterizerDiscard && !beginFragments(state, record, lookedAt)) return draws.removeLast();
+  record.pipeline = state.pipeline;
+  record.occlusion = occlusion;
+  record.query = query;
+  DrawConstants& c = record.constants;
   fillConstants(state, c);
   c.vertexOffset = params.indexed ? params.vertexOffset : int32_t(params.first);
   c.firstVertex = params.first;
@@ -330,19 +255,41 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   c.samples = fixed.samples;
   c.passDraw = uint32_t(counters.draws);
   if (fixed.decisions) beginDecisions();
-  for (const auto& b : fixed.vertexBindings) c.vertexStrides[b.binding] = b.stride;
-  std::memcpy(record->push, state.push, sizeof record->push);
-  fillTables(record->push, state.setMemory, state.setSize, pipeline.layout->sets.size(), c, record->tables);
-  if (record->fragment) record->bank = record->fragment->code->preamble(record->tables);
+  std::memcpy(record.push, state.push, sizeof record.push);
+  fillTables(record.push, state.setMemory, state.setSize, pipeline.layout->sets.size(), c, record.tables);
 
   counters.varyingsInterpolated += pipeline.link.varyings.size();
   counters.varyingsDropped += pipeline.link.unread;
-  DrawRecord& kept = *record;
-  draws.push_back(std::move(record));
   collected += sizeof(DrawRecord);
   if (query) countFrontEnd(*query, false);
-  frontEnd(state, params, *vertex, kept);
+  frontEnd(state, params, std::move(vertex), record);
+  if (lookedAt) runFront();
   if (query) countFrontEnd(*query, true);
+}
+
+//! What the back end needs. False: nothing would come of the draw.
+bool PassExecutor::Impl::beginFragments(const DrawState& state, DrawRecord& record, bool lookedAt) {
+  GraphicsPipeline& pipeline = *state.pipeline;
+  const GraphicsState& fixed = pipeline.state;
+  const VisibilityTraits& v = pipeline.visibility;
+  record.visibility = &v;
+  record.leavesViewport = !fixed.depthClamp && (fixed.depthBias || !fixed.depthClip);
+  record.freeRange = freeDepths(fixed);
+  bool ordered = true;   // no NaN
+  for (uint32_t i = 0; i < fixed.viewportCount; ++i) {
+    const VkViewport& viewport = i ? state.furtherViewports[i - 1] : state.viewport;
+    ordered &= viewport.minDepth == viewport.minDepth && viewport.maxDepth == viewport.maxDepth;
+    record.depthRanges[i] = {viewport.minDepth, viewport.maxDepth};
+  }
+  // A statistics query counts invocations as if nothing were saved.
+  record.settled = v.opaque && ordered && (!v.depth.test || depthKind) && fixed.samples == samples && !query &&
+                   !(disabled & bit(Idea::VisibleFirst));
+  record.oneColors = uint8_t(v.written & oneColor);
+  record.takesOneColor = record.oneColors && record.oneColors == v.written && fixed.samples == samples && (record.settled || v.oneColor);
+  record.fragment = fragmentRoutine(pipeline, state, occlusion != nullptr, statistics || query, record.settled);
+  if (!record.fragment || !fits(fixed)) return false;
+  if (!record.fragment->present && !occlusion && !lookedAt) return false;
+  return pipeline.link.viewportRow >= 0 || !isEmpty(intersect(state.scissor, pass.renderArea)) || lookedAt;
 }
 
 //! Adds or takes away what the workers have counted so far in this pass.
@@ -356,7 +303,7 @@ void PassExecutor::Impl::countFrontEnd(PipelineStatistics& statistics, bool add)
   }
 }
 
-void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record) {
+void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& params, std::shared_ptr<const VertexRoutine> vertex, DrawRecord& record) {
   const GraphicsState& fixed = record.pipeline->state;
   Indices indices;
   if (params.indexed) {
@@ -367,15 +314,27 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
     indices.vertexOffset = params.vertexOffset;
     if (!indices.bytes) return;
   }
-  raster::SetupState setup;
+  const std::vector<Run> runs = findRuns(fixed, indices, params.count);
+  if (query) {
+    uint32_t restarts = 0;
+    if (indices.bytes && fixed.primitiveRestart)
+      for (uint32_t i = 0; i < params.count; ++i) restarts += indices.raw(i) == indices.restart();
+    query->values[PipelineStatistics::InputVertices] += uint64_t(params.count - restarts) * params.instanceCount;
+    for (const Run& r : runs) query->values[PipelineStatistics::InputPrimitives] += uint64_t(r.primitives) * params.instanceCount;
+  }
+  if (runs.empty()) return;
+
+  FrontDraw& draw = waiting->add();
+  raster::SetupState& setup = draw.setup;
+  setup = {};
   setup.topology = fixed.topology;
   setup.viewport = state.viewport;
   setup.bounds = intersect(state.scissor, pass.renderArea);
-  raster::View further[raster::kMaxViewports - 1];
+  draw.further.clear();
   if (record.pipeline->link.viewportRow >= 0 && fixed.viewportCount > 1) {
     for (uint32_t v = 0; v + 1 < fixed.viewportCount; ++v)
-      further[v] = {state.furtherViewports[v], intersect(state.furtherScissors[v], pass.renderArea)};
-    setup.furtherViews = {further, fixed.viewportCount - 1};
+      draw.further.push_back({state.furtherViewports[v], intersect(state.furtherScissors[v], pass.renderArea)});
+    setup.furtherViews = draw.further;
   }
   setup.layers = pass.layers;
   setup.polygonMode = fixed.polygonMode;
@@ -393,41 +352,60 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
   setup.depthFormat = fixed.depthStencilFormat;
   setup.lineWidth = state.lineWidth;
   setup.samples = fixed.samples;
-  setup.cellRecords = !vertex.wide;
+  setup.cellRecords = !vertex->wide;
   if (record.fragment) setup.varyings = record.fragment->varyings;
 
-  const interp::UniformBank bank = vertex.code->preamble(record.tables);
-  const FrontDraw shared{vertex,         record.pipeline->link, bank,         record.tables,        setup, bins->grid(), indices,
-                         fixed.topology, params.first,          params.firstInstance, &pool.cancelled()};
-  const std::vector<Run> runs = findRuns(fixed, indices, params.count);
-  if (query) {
-    uint32_t restarts = 0;
-    if (indices.bytes && fixed.primitiveRestart)
-      for (uint32_t i = 0; i < params.count; ++i) restarts += indices.raw(i) == indices.restart();
-    query->values[PipelineStatistics::InputVertices] += uint64_t(params.count - restarts) * params.instanceCount;
-    for (const Run& r : runs) query->values[PipelineStatistics::InputPrimitives] += uint64_t(r.primitives) * params.instanceCount;
-  }
+  draw.vertex = std::move(vertex);
+  draw.record = &record;
+  draw.constants.draw = record.constants;
+  std::memcpy(draw.constants.vertexBuffers, state.vertexBuffers, sizeof draw.constants.vertexBuffers);
+  std::copy(std::begin(record.tables), std::end(record.tables), draw.tables);
+  draw.tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&draw.constants), sizeof draw.constants};
+  draw.prepared = false;
+  draw.grid = &bins->grid();
+  draw.indices = indices;
+  draw.firstVertex = params.first;
+  draw.firstInstance = params.firstInstance;
+  draw.stop = &pool.cancelled();
+
   ChunkSource source(runs, params.instanceCount);
-  const uint64_t primitiveBytes = sizeof(raster::Primitive) + sizeof(raster::BinEntry) +
-                                  (2 + setup.varyings.size()) * sizeof(raster::Plane) + setup.varyings.size() * 4;
-  std::vector<Chunk> chunks;
   while (!source.done() && !pool.cancelled()) {
-    chunks.clear();
-    while (chunks.size() < kWaveChunks && !source.done()) chunks.push_back(source.next());
-    pool.parallelFor(uint32_t(chunks.size()), [&](uint32_t i, unsigned worker) { shared.run(*front[worker], chunks[i]); });
-    if (fixed.rasterizerDiscard) {
-      forgetPrimitives();
-      continue;
-    }
-    const uint32_t number = uint32_t(draws.size() - 1);
-    for (const Chunk& chunk : chunks) {
-      if (chunk.outOfMemory) base::logError("primitives left out: memory is exhausted");
-      for (size_t i = 0; i < chunk.primitives.size(); ++i) bins->add(number, chunk.primitives[i], chunk.tiles[i]);
-      counters.primitives += chunk.primitives.size();
-      collected += chunk.primitives.size() * primitiveBytes;
-    }
-    if (collected > kBinBudget) flush();
+    waiting->items.push_back({&draw, uint32_t(draws.size() - 1), source.next()});
+    for (const Segment& s : waiting->items.back().chunk.segments) waiting->primitives += s.primitives;
+    // Whoever has the only chunk of a draw prepares it. Primitives of several may be forgotten in between, and arenas with them.
+    if (!source.done() && !draw.prepared) draw.prepare(nullptr);
+    const size_t chunks = waiting->items.size();
+    if (chunks >= kMostWaveChunks || (chunks >= kWaveChunks && waiting->primitives >= kWavePrimitives)) runFront(!source.done());
   }
+}
+
+void PassExecutor::Impl::runFront(bool drawGoesOn) {
+  std::vector<FrontQueue::Item>& items = waiting->items;
+  if (items.empty()) return;
+  const uint32_t grain = uint32_t(std::clamp<size_t>(items.size() / (8 * pool.workerCount()), 1, 16));
+  const uint32_t count = uint32_t(items.size());
+  pool.parallelFor((count + grain - 1) / grain, [&](uint32_t g, unsigned worker) {
+    for (uint32_t i = g * grain; i < std::min(count, (g + 1) * grain); ++i) {
+      try {
+        if (!items[i].draw->prepared) items[i].draw->prepare(&front[worker]->arena);
+        items[i].draw->run(*front[worker], items[i].chunk);
+      } catch (const std::bad_alloc&) {
+        items[i].chunk.primitives = {};
+        items[i].chunk.outOfMemory = true;
+      }
+    }
+  });
+  for (const FrontQueue::Item& item : items) {
+    const Chunk& chunk = item.chunk;
+    if (chunk.outOfMemory) base::logError("primitives left out: memory is exhausted");
+    const size_t varyings = item.draw->setup.varyings.size();
+    collected += chunk.primitives.size() * (sizeof(raster::Primitive) + sizeof(raster::BinEntry) + (2 + varyings) * sizeof(raster::Plane) + varyings * 4);
+    if (item.draw->record->pipeline->state.rasterizerDiscard) continue;
+    for (size_t i = 0; i < chunk.primitives.size(); ++i) bins->add(item.number, chunk.primitives[i], chunk.tiles[i]);
+    counters.primitives += chunk.primitives.size();
+  }
+  waiting->clear(drawGoesOn);
+  if (collected > kBinBudget) flush();
 }
 
 }  // namespace pumice::pipeline

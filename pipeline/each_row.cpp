@@ -8,7 +8,7 @@ using interp::ExecContext, interp::Progress, interp::RowState, interp::UniformBa
 class EachRow final : public interp::Executable {
  public:
   explicit EachRow(std::unique_ptr<interp::Executable> routine) : routine_(std::move(routine)) {}
-  UniformBank preamble(const interp::Table*) const override { return {}; }
+  UniformBank preamble(const interp::Table*, base::Arena*) const override { return {}; }
   void run(const UniformBank&, const ExecContext& context) const override { routine_->run(routine_->preamble(context.tables), context); }
   std::unique_ptr<RowState> newRowState() const override {
     auto state = std::make_unique<State>();

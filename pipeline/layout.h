@@ -64,8 +64,12 @@ struct DrawConstants {
   uint32_t stencilReference[2] = {}, stencilCompareMask[2] = {}, stencilWriteMask[2] = {};   //!< front, back
   float depthBounds[2] = {0, 1};
   uint32_t dynamicOffsets[kMaxDynamicOffsets] = {};
+};
+
+//! What vertex routines find there.
+struct VertexConstants {
+  DrawConstants draw;
   VertexBufferRef vertexBuffers[kMaxVertexBindings];
-  uint32_t vertexStrides[kMaxVertexBindings] = {};
 };
 
 }  // namespace pumice::pipeline

@@ -75,6 +75,7 @@ std::optional<raster::DepthKind> kindOf(VkFormat format) {
 }  // namespace
 
 PassExecutor::Impl::Impl(base::ThreadPool& threads) : pool(threads), stats(base::envFlag(base::EnvVar::Stats, false)) {
+  waiting = std::make_unique<FrontQueue>();
   for (unsigned i = 0; i < pool.workerCount(); ++i) front.push_back(std::make_unique<FrontWorker>());
   disable(disabledIdeas());
 }
@@ -126,6 +127,7 @@ void PassExecutor::Impl::begin(const PassBegin& given) {
   if (!bins || bins->grid() != grid) bins.emplace(grid);
   beginOneColor();
   draws.clear();
+  waiting->clear(false);
   forgetPrimitives();
 }
 
@@ -154,20 +156,21 @@ void PassExecutor::Impl::beginCleared() {
 void PassExecutor::Impl::clear(const VkClearAttachment& attachment, const VkClearRect& rect) {
   if (!open) return;
   if ((attachment.aspectMask & VK_IMAGE_ASPECT_COLOR_BIT) && attachment.colorAttachment >= pass.colorCount) return;
-  auto record = std::make_unique<DrawRecord>();
-  record->isClear = true;
-  record->clear = attachment;
-  record->rect = intersect(rect.rect, pass.renderArea);
-  if (isEmpty(record->rect)) return;
+  const VkRect2D area = intersect(rect.rect, pass.renderArea);
+  if (isEmpty(area)) return;
+  runFront();
+  DrawRecord& record = draws.add();
+  record.isClear = true;
+  record.clear = attachment;
+  record.rect = area;
   // A primitive without edges that reaches every tile of the rectangle puts the clear in its place among the draws.
   raster::Primitive p;
   p.edgeCount = 0;
-  p.minX = record->rect.offset.x;
-  p.minY = record->rect.offset.y;
-  p.maxX = p.minX + int32_t(record->rect.extent.width) - 1;
-  p.maxY = p.minY + int32_t(record->rect.extent.height) - 1;
+  p.minX = area.offset.x;
+  p.minY = area.offset.y;
+  p.maxX = p.minX + int32_t(area.extent.width) - 1;
+  p.maxY = p.minY + int32_t(area.extent.height) - 1;
   p.minZ = p.maxZ = 0;
-  draws.push_back(std::move(record));
   collected += sizeof(DrawRecord);
   for (uint32_t l = 0; l < rect.layerCount && rect.baseArrayLayer + l < pass.layers; ++l) {
     p.layer = uint16_t(rect.baseArrayLayer + l);
@@ -221,6 +224,7 @@ uint64_t PassExecutor::Impl::clearedBytes() const {
 }
 
 void PassExecutor::Impl::flush(bool isLast) {
+  runFront();
   last = isLast;
   bool clears = false;
   if (!loaded) {
@@ -273,7 +277,7 @@ void PassExecutor::Impl::flush(bool isLast) {
   }
   counters.tilesTouched += tiles;
   loaded = true;
-  if (draws.size() > 1) draws.erase(draws.begin(), draws.end() - 1);
+  draws.keepLast();
   forgetPrimitives();
 }
 
@@ -340,6 +344,7 @@ void PassExecutor::Impl::end() {
   endDecisions();
   open = false;
   draws.clear();
+  waiting->shrink();
   for (auto& w : front) {
     const raster::SetupCounters& s = w->setup;
     counters.setup.input += s.input;

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
-#include <deque>
 #include <mutex>
 #include <optional>
 
@@ -76,6 +76,48 @@ struct AttachmentPlane {
 
 struct TileWorker;
 struct FrontWorker;
+struct FrontQueue;
+
+//! Draws of a pass by number. They stay where they are: tables and chunks on their way refer to them.
+class DrawList {
+ public:
+  ~DrawList() { clear(); }
+  size_t size() const { return count_; }
+  DrawRecord& operator[](size_t i) { return *at(first_ + i); }
+  DrawRecord& add() {
+    const size_t i = first_ + count_;
+    if (i == slabs_.size() * kSlab) slabs_.push_back(std::make_unique<Slab>());
+    DrawRecord& record = at(i).emplace();
+    ++count_;
+    return record;
+  }
+  void removeLast() { at(first_ + --count_).reset(); }
+  //! The last one becomes number 0.
+  void keepLast() {
+    if (count_ < 2) return;
+    const size_t last = first_ + count_ - 1;
+    for (size_t i = first_; i < last; ++i) at(i).reset();
+    std::swap(slabs_[0], slabs_[last / kSlab]);
+    first_ = last % kSlab;
+    count_ = 1;
+    letGo();
+  }
+  void clear() {
+    for (size_t i = 0; i < count_; ++i) at(first_ + i).reset();
+    first_ = count_ = 0;
+    letGo();
+  }
+
+ private:
+  static constexpr size_t kSlab = 32, kSlabsKept = 512;   //!< records; slabs from pass to pass (23 MB): to give them back and take them again costs page faults
+  using Slab = std::array<std::optional<DrawRecord>, kSlab>;
+  std::optional<DrawRecord>& at(size_t i) { return (*slabs_[i / kSlab])[i % kSlab]; }
+  void letGo() {
+    if (slabs_.size() > kSlabsKept) slabs_.resize(kSlabsKept);
+  }
+  std::vector<std::unique_ptr<Slab>> slabs_;
+  size_t first_ = 0, count_ = 0;
+};
 
 struct PassExecutor::Impl {
   explicit Impl(base::ThreadPool& pool);
@@ -96,7 +138,7 @@ struct PassExecutor::Impl {
   std::optional<raster::DepthKind> depthKind;   //!< how depth is stored, if tiles can deal with it
   uint32_t clearDepth = 0;       //!< then: the clear value as it is stored, where the load operation clears
   Ideas disabled;
-  std::deque<std::unique_ptr<DrawRecord>> draws;
+  DrawList draws;
   std::optional<raster::Bins> bins;
   uint64_t collected = 0;        //!< bytes since the last flush
   bool loaded = false;           //!< load operations are done
@@ -107,6 +149,7 @@ struct PassExecutor::Impl {
   uint64_t* occlusion = nullptr;
   PipelineStatistics* query = nullptr;
   std::vector<std::unique_ptr<FrontWorker>> front;
+  std::unique_ptr<FrontQueue> waiting;   //!< chunks of draws that have not been worked on
   std::vector<std::unique_ptr<TileWorker>> tileWorkers;
   base::Arena clearArena;
   PassCounters counters;
@@ -128,7 +171,10 @@ struct PassExecutor::Impl {
  private:
   bool fits(const GraphicsState& state) const;
   void countFrontEnd(PipelineStatistics& statistics, bool add) const;
-  void frontEnd(const DrawState& state, const DrawParams& params, const VertexRoutine& vertex, DrawRecord& record);
+  bool beginFragments(const DrawState& state, DrawRecord& record, bool lookedAt);
+  void frontEnd(const DrawState& state, const DrawParams& params, std::shared_ptr<const VertexRoutine> vertex, DrawRecord& record);
+  //! Works on the chunks that wait. `drawGoesOn`: the last draw has more of them.
+  void runFront(bool drawGoesOn = false);
   void clearTiles(uint32_t first, uint32_t count);
   uint64_t clearedBytes() const;
   void beginCleared();

@@ -249,7 +249,6 @@ void fillConstants(const DrawState& draw, DrawConstants& c) {
     c.depthBounds[i] = draw.depthBounds[i];
   }
   std::memcpy(c.dynamicOffsets, draw.dynamicOffsets, sizeof c.dynamicOffsets);
-  std::memcpy(c.vertexBuffers, draw.vertexBuffers, sizeof c.vertexBuffers);
 }
 
 void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, size_t sets, const DrawConstants& constants,

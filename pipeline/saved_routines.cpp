@@ -123,7 +123,7 @@ std::string check(const ir::Function& f, const Surroundings& s) {
         if (!slot(s.outputs, i.imm, f.type(f.operands(i)[0]))) return wrong(i, "there is no such row");
         break;
       case Op::UniformInput:
-        if (!ir::typeBytes(i.type) || i.imm + ir::typeBytes(i.type) > sizeof(DrawConstants)) return wrong(i, "outside of the draw's constants");
+        if (!ir::typeBytes(i.type) || i.imm + ir::typeBytes(i.type) > s.drawBytes) return wrong(i, "outside of the draw's constants");
         break;
       case Op::QuadLoad:
         if ((i.imm & ~(ir::kOneRecord | ir::kPlaneInUnit)) + ir::typeBytes(i.type) > s.recordBytes) return wrong(i, "outside of the record");

@@ -24,6 +24,7 @@ struct Surroundings {
   std::vector<ir::Type> inputs, outputs;   //!< by slot; None: there is none
   std::vector<uint16_t> planes;            //!< element bytes by tile plane; 0: there is none
   uint32_t recordBytes = 0;                //!< of a quad's record
+  uint32_t drawBytes = sizeof(DrawConstants);   //!< behind kTableDraw
   bool oneRecord = false;                  //!< loads from it say so (ir::kOneRecord)
   std::vector<uint32_t> inUnit;            //!< offsets of planes whose loads may say so (ir::kPlaneInUnit)
   bool workGroup = false;                  //!< work-group memory and barriers

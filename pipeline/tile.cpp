@@ -136,7 +136,7 @@ void TileWorker::tile(uint32_t index) {
       __builtin_prefetch(near.record ? static_cast<const void*>(near.record + raster::kRecordPlanes) : near.planes);
     }
     const raster::BinEntry& entry = bin[i];
-    DrawRecord* draw = pass_.draws[entry.draw].get();
+    DrawRecord* draw = &pass_.draws[entry.draw];
     if (draw->isClear) {
       clear(*draw, rect);
     } else if (draw->settled) {

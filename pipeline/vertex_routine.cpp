@@ -113,7 +113,7 @@ AttributePlace locateAttribute(ir::Builder& b, const GraphicsState& state, uint3
   const texture::FormatInfo* format = attribute ? texture::formatInfo(attribute->format) : nullptr;
   if (!binding || !format) return {};
 
-  const size_t buffer = offsetof(DrawConstants, vertexBuffers) + sizeof(VertexBufferRef) * binding->binding;
+  const size_t buffer = offsetof(VertexConstants, vertexBuffers) + sizeof(VertexBufferRef) * binding->binding;
   const Value base = b.uniform(Type::I64, uint32_t(buffer + offsetof(VertexBufferRef, base)));
   const Value size = b.uniform(Type::I64, uint32_t(buffer + offsetof(VertexBufferRef, size)));
   const bool instanced = binding->inputRate == VK_VERTEX_INPUT_RATE_INSTANCE;
@@ -176,6 +176,7 @@ static base::Result<std::shared_ptr<VertexRoutine>> compile(const GraphicsPipeli
 std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers) {
   if (!pipeline.saved) return nullptr;
   Surroundings s;
+  s.drawBytes = sizeof(VertexConstants);
   s.inputs = {Type::I32, Type::I32};   // kSlotVertexIndex, kSlotInstanceIndex
   s.outputs.assign(pipeline.link.rowCount, key.numerics == ir::Numerics::Oracle ? Type::F64 : Type::F32);
   auto saved = pipeline.saved->find(savedKey(key), s);

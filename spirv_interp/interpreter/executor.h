@@ -4,12 +4,14 @@
 // (executors may read and write whole vectors up to kMaxLanes elements).
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
 
+#include "base/arena.h"
 #include "base/result.h"
 #include "spirv_interp/ir/ir.h"
 #include "spirv_interp/ir/passes.h"
@@ -51,10 +53,24 @@ struct ExecContext {
   const std::atomic<bool>* stop = nullptr;          //!< once set, loops are left within a few hundred turns and the row counts as finished
 };
 
+struct BankRelease {
+  bool own = true;   //!< not an arena's
+  void operator()(uint64_t* p) const {
+    if (own) delete[] p;
+  }
+};
 //! Draw-rate values, computed once per draw by the preamble. Read-only during run().
 class UniformBank {
  public:
-  std::unique_ptr<uint64_t[]> slots;   //!< 8 bytes per value (masks: 0 or 1)
+  std::unique_ptr<uint64_t[], BankRelease> slots;   //!< 8 bytes per value (masks: 0 or 1)
+  //! Zeroes; in the arena, if there is one and it has room.
+  static UniformBank make(size_t words, base::Arena* arena) {
+    uint64_t* memory = arena ? arena->alloc<uint64_t>(words) : nullptr;
+    UniformBank bank;
+    bank.slots = {memory ? memory : new uint64_t[words], BankRelease{!memory}};
+    std::fill_n(bank.slots.get(), words, 0);
+    return bank;
+  }
 };
 
 //! What a row that has not finished needs to go on: position, masks, registers, local memory. Used again row after row.
@@ -73,8 +89,8 @@ enum class Progress : uint8_t {
 class Executable {
  public:
   virtual ~Executable() = default;
-  //! Computes the draw-rate values. Tables must stay valid until the last run() with this bank.
-  virtual UniformBank preamble(const Table* tables) const = 0;
+  //! Computes the draw-rate values, in the arena if there is one. Tables must stay valid until the last run() with this bank.
+  virtual UniformBank preamble(const Table* tables, base::Arena* arena = nullptr) const = 0;
   //! Runs a row to its end. Barriers do nothing: the row is the whole work group.
   virtual void run(const UniformBank& bank, const ExecContext& context) const = 0;
   //! Lanes that run() takes at once, if every lane is active.

@@ -42,9 +42,8 @@ class Interpreted final : public Executable {
  public:
   explicit Interpreted(Program p) : p_(std::move(p)) {}
 
-  UniformBank preamble(const Table* tables) const override {
-    UniformBank bank;
-    bank.slots = std::make_unique<uint64_t[]>(p_.slots + 1);
+  UniformBank preamble(const Table* tables, base::Arena* arena) const override {
+    UniformBank bank = UniformBank::make(p_.slots + 1, arena);
     for (const Program::Constant& c : p_.constants) bank.slots[c.slot] = c.bits;
     if (p_.preamble.size() <= 1) return bank;
     const uint64_t active[kMaskWords] = {1};

@@ -49,9 +49,8 @@ class Native final : public Executable {
     e_.pool = {};
   }
 
-  UniformBank preamble(const interp::Table* tables) const override {
-    UniformBank bank;
-    bank.slots = std::make_unique<uint64_t[]>((e_.bankBytes + kAlign) / 8);
+  UniformBank preamble(const interp::Table* tables, base::Arena* arena) const override {
+    UniformBank bank = UniformBank::make((e_.bankBytes + kAlign) / 8, arena);
     if (!e_.bankBytes) return bank;
     alignas(kAlign) std::byte frame[kFrameSlots];
     const ExecContext none;

@@ -185,5 +185,71 @@ TEST(Draw, NothingOutsideScissorAndRenderAreaChanges) {
     }
 }
 
+//! A state in which the order of primitives shows.
+GraphicsState blending(const Scene& s) {
+  GraphicsState state = s.state();
+  auto& b = state.blend[0];
+  b.blendEnable = true;
+  b.srcColorBlendFactor = VK_BLEND_FACTOR_SRC_ALPHA;
+  b.dstColorBlendFactor = VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA;
+  return state;
+}
+
+// Small draws are worked on many at a time, by all threads.
+TEST(Draw, ThousandsOfSmallDrawsAreAsOneLargeOne) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> unit(0, 1);
+  std::vector<std::vector<ColorVertex>> triangles;
+  Scene once(96, 80), many(96, 80, VK_FORMAT_UNDEFINED, 3);
+  for (int i = 0; i < 2500; ++i) {
+    const float x = unit(random) * 96, y = unit(random) * 80, size = 4 + 30 * unit(random);
+    triangles.push_back(triangle(once, {x, y, x + size, y + size * unit(random), x - size * unit(random), y + size}, 0.5f,
+                                 {unit(random), unit(random), unit(random), unit(random)}));
+  }
+  VkClearAttachment clear{};
+  clear.aspectMask = VK_IMAGE_ASPECT_COLOR_BIT;
+  clear.clearValue.color = {{0.25f, 0.5f, 0.75f, 1}};
+  const VkClearRect rect{{{30, 20}, {40, 50}}, 0, 1};
+  // In one draw, but for the clear after 900 triangles
+  auto d = once.drawState(once.pipeline(blending(once)));
+  std::vector<ColorVertex> before, after;
+  for (size_t i = 0; i < triangles.size(); ++i) (i < 900 ? before : after).insert((i < 900 ? before : after).end(), triangles[i].begin(), triangles[i].end());
+  once.begin(0, 0, 0, 1);
+  once.draw(d, before);
+  once.executor.clear(clear, rect);
+  once.draw(d, after);
+  once.end();
+  // One by one
+  d = many.drawState(many.pipeline(blending(many)));
+  many.begin(0, 0, 0, 1);
+  for (size_t i = 0; i < triangles.size(); ++i) {
+    if (i == 900) many.executor.clear(clear, rect);
+    many.draw(d, triangles[i]);
+  }
+  many.end();
+  EXPECT_EQ(many.executor.counters().draws, triangles.size());
+  EXPECT_EQ(many.executor.counters().primitives, once.executor.counters().primitives);
+  for (uint32_t y = 0; y < 80; ++y)
+    for (uint32_t x = 0; x < 96; ++x) ASSERT_EQ(many.color.rgba(x, y), once.color.rgba(x, y)) << x << ", " << y;
+}
+
+TEST(Draw, ThatDiscardsItsPrimitivesLeavesThoseBeforeIt) {
+  Scene s(64, 64);
+  auto d = s.drawState(s.pipeline(s.state()));
+  GraphicsState state = s.state();
+  state.rasterizerDiscard = true;
+  auto discarded = s.drawState(s.pipeline(state));
+  PipelineStatistics counted;
+  s.begin(0, 0, 0, 1);
+  s.draw(d, rectangle(s, 0, 0, 64, 64, 0.5f, {1, 0, 0, 1}));
+  s.executor.beginStatistics(&counted);
+  s.draw(discarded, rectangle(s, 0, 0, 64, 64, 0.5f, {0, 1, 0, 1}));
+  s.executor.endStatistics();
+  s.end();
+  EXPECT_EQ(s.color.rgba(10, 10), (Rgba{255, 0, 0, 255}));
+  EXPECT_EQ(counted.values[PipelineStatistics::VertexInvocations], 6u);
+  EXPECT_EQ(s.executor.counters().primitives, 2u);
+}
+
 }  // namespace
 }  // namespace pumice::pipeline::test
