@@ -16,6 +16,7 @@
 #include "spirv_interp/jit/halves.h"
 #include "spirv_interp/jit/order.h"
 #include "spirv_interp/jit/quads.h"
+#include "spirv_interp/jit/unroll.h"
 
 namespace pumice::jit {
 namespace {
@@ -250,7 +251,9 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
   if (jit.wholeBlocks) computeWhenNeeded(f);
   shareAmongQuads(f);
-  std::vector<LanePattern> patterns = findPatterns(f);
+  const bool unrolled = f.groupSize[0] && unrollLoops(f);
+  if (unrolled) ir::computeRates(f);
+  std::vector<LanePattern> patterns = findPatterns(f, unrolled);
   Plan plan = makePlan(f, jit.chunkLanes, jit.wholeBlocks, avx512 ? kRegistersAvx512 : kRegistersAvx2, std::move(patterns));
   plan.upperFirst = jit.upperFirst;
   allocate(plan);

@@ -38,7 +38,7 @@ bool isZero(const Deltas& d) {
 
 class Patterns {
  public:
-  explicit Patterns(Function& f) : f_(f), flat_(flatValues(f)), form_(f.insts.size(), 0) {}
+  Patterns(Function& f, bool constants) : f_(f), constants_(constants), flat_(flatValues(f)), form_(f.insts.size(), 0), sameFirst_(f.insts.size(), 0) {}
 
   std::vector<LanePattern> run() {
     std::vector<LanePattern> patterns;
@@ -70,7 +70,8 @@ class Patterns {
         p.clamped = true;
       }
       const Deltas& d = deltas_[form_[from] - 1];
-      const int32_t lowest = *std::min_element(d.begin(), d.end());
+      int32_t lowest = *std::min_element(d.begin(), d.end());
+      if (constants_) lowest = std::min(0, lowest);
       for (uint32_t l = 0; l < kLanes; l++) p.delta[l] = d[l] - lowest;
       if (*std::max_element(p.delta, p.delta + kLanes) > (kMostDelta >> p.shift)) continue;
       uint32_t index = 0;
@@ -107,6 +108,10 @@ class Patterns {
       if (!wanted_[v]) continue;
       first_[v] = renamed[v];
       if (!form_[v]) continue;
+      if (sameFirst_[v]) {
+        first_[v] = first_[sameFirst_[v]];
+        continue;
+      }
       operands.clear();
       for (Value o : before.operands(v)) operands.push_back(first_[o]);
       if (i.op == Op::Input) i.imm |= kFirstOfChunk;
@@ -141,6 +146,15 @@ class Patterns {
       case Op::ISub:
         if (!known(o[0]) || !known(o[1])) return 0;
         d = of(o[0]);
+        if (constants_ && i.op == Op::IAdd)
+          for (uint32_t k = 0; k < 2; k++)
+            if (form_[o[k]] && isConst(o[1 - k]) && f_.insts[o[1 - k]].imm < kMostDelta / 4) {
+              d = of(o[k]);
+              for (int32_t& x : d) x += int32_t(f_.insts[o[1 - k]].imm);
+              sameFirst_[v] = o[k];
+              break;
+            }
+        if (sameFirst_[v]) break;
         for (uint32_t l = 0; l < kLanes; l++) d[l] += i.op == Op::IAdd ? of(o[1])[l] : -of(o[1])[l];
         break;
       case Op::IMul:
@@ -195,7 +209,8 @@ class Patterns {
     if (wanted_[v]) return;
     wanted_[v] = 1;
     if (form_[v])
-      for (Value o : f_.operands(v)) want(o);
+      for (Value o : f_.operands(v))
+        if (!sameFirst_[v] || o == sameFirst_[v]) want(o);
   }
   Value append(Inst i, std::span<const Value> operands) {
     i.firstOperand = uint32_t(f_.operandPool.size());
@@ -207,9 +222,11 @@ class Patterns {
   Value constant(uint32_t bits) { return append({.op = Op::Const, .type = Type::I32, .rate = ir::Rate::Constant, .imm = bits}, {}); }
 
   Function& f_;
+  bool constants_;
   std::vector<uint8_t> flat_;         // by value: all lanes have it alike, or it is uniform
   std::vector<Deltas> deltas_;
   std::vector<uint32_t> form_;        // by value: index + 1 in deltas_
+  std::vector<Value> sameFirst_;      // by value: it differs from this one by a number in its deltas only, and takes the same first lane's value; 0: has its own
   std::vector<uint8_t> wanted_;
   std::vector<Value> first_;
 };
@@ -224,9 +241,9 @@ bool isGroupUniform(const Function& f, const Inst& input) {
   return d && isZero(*d);
 }
 
-std::vector<LanePattern> findPatterns(Function& f) {
+std::vector<LanePattern> findPatterns(Function& f, bool constants) {
   if (!f.groupSize[0]) return {};
-  return Patterns(f).run();
+  return Patterns(f, constants).run();
 }
 
 }  // namespace pumice::jit

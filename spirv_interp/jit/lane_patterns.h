@@ -37,6 +37,8 @@ inline uint32_t patternOf(const ir::Inst& i) {
 inline uint32_t offsetOperand(ir::Op op) { return op == ir::Op::SharedLoad || op == ir::Op::SharedStore ? 0 : 1; }
 
 //! Gives accesses of 32 bits patterns, and the first lane's offset for theirs. Rates must be known.
-std::vector<LanePattern> findPatterns(ir::Function& f);
+//! `constants`: numbers that are added become part of the pattern, so that many offsets share one first lane's (measured: without many of
+//! them code is worse for it).
+std::vector<LanePattern> findPatterns(ir::Function& f, bool constants);
 
 }  // namespace pumice::jit

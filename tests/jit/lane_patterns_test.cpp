@@ -367,6 +367,64 @@ TEST(JitLanePatterns, barriersWithinAndOutsideOfLoops) {
   }
 }
 
+//! Loops that become their turns: other first values, steps and comparisons, none at all, and variables that go on behind them.
+TEST(JitLanePatterns, loopsOfFewTurns) {
+  struct Loop {
+    const char *compare, *first, *step, *bound;
+  };
+  for (const Loop& l : {Loop{"ult", "0", "1", "5"}, {"slt", "-3", "1", "2"}, {"sle", "-16", "4", "16"}, {"ule", "7", "9", "100"}, {"ult", "5", "1", "5"},
+                        {"slt", "1", "-1", "0"}, {"ult", "0", "1", "16"}, {"ult", "0", "1", "17"}, {"ult", "0xfffffff0", "5", "0xffffffff"}})
+    for (const Size& size : {Size{256, 1, 1}, Size{16, 16, 1}, Size{4, 4, 4}, Size{24, 4, 1}}) {
+      agrees(std::string("%first = const i32 ") + l.first + "\n%step = const i32 " + l.step + "\n%bound = const i32 " + l.bound + R"(
+        %sum = var i32
+        %i = var i32
+        %again = var i32
+        %x4 = shl i32 %x, %two
+        %seven = const i32 7
+        loop
+          %r = var.get i32 %again
+          %inner = ult mask %r, %two
+          %enough = mask.not mask %inner
+          if %enough
+            break 0
+          endif
+          var.set %i, %first
+          loop
+            %n = var.get i32 %i
+            %in = )" + l.compare + R"( mask %n, %bound
+            %over = mask.not mask %in
+            if %over
+              break 0
+            endif
+            %n4 = shl i32 %n, %two
+            %row4 = imul i32 %n, %seven
+            %off = iadd i32 %x4, %n4
+            %off2 = iadd i32 %row4, %off
+            %a = load i32 %source, %off, %sourceBytes
+            %b = load i32 +4 %source, %off2, %sourceBytes
+            %same = iadd i32 %n4, %r
+            %c = load i32 %source, %same, %sourceBytes
+            %s = var.get i32 %sum
+            %ab = imul i32 %a, %b
+            %abc = iadd i32 %ab, %c
+            %next = iadd i32 %s, %abc
+            var.set %sum, %next
+            %n1 = iadd i32 %n, %step
+            var.set %i, %n1
+          endloop
+          %one = const i32 1
+          %r1 = iadd i32 %r, %one
+          var.set %again, %r1
+        endloop
+        %total4 = var.get i32 %sum
+        output 0 %total4
+        %left = var.get i32 %i
+        output 1 %left
+      )", size, 2000, 8);
+      if (HasFailure()) return;
+    }
+}
+
 //! They save what they are for: no vector of offsets is made, nor compared.
 TEST(JitLanePatterns, makeAccessesPlain) {
   if (!jit::available()) GTEST_SKIP();
