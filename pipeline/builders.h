@@ -18,6 +18,7 @@ class GraphicsPipeline {
   Variants<VertexKey, VertexRoutine> vertexVariants;
   Variants<FragmentKey, FragmentRoutine> fragmentVariants;
   std::shared_ptr<SavedPipeline> saved;   //!< null: routines are not kept
+  base::ThreadPool* workers = nullptr;    //!< who emits what was made with it
 };
 
 inline uint64_t hashKey(const ComputeKey& k) { return base::hashCombine(uint64_t(k.numerics), hashImages(k.images)); }
@@ -30,6 +31,7 @@ class ComputePipeline {
   ImageUses images;
   Variants<ComputeKey, ComputeRoutine> variants;
   std::shared_ptr<SavedPipeline> saved;
+  base::ThreadPool* workers = nullptr;
 };
 
 //! With `workers` these do the JIT's work (RoutineCode).

@@ -83,6 +83,7 @@ base::Result<std::shared_ptr<GraphicsPipeline>> createGraphicsPipeline(GraphicsS
   auto p = std::make_shared<GraphicsPipeline>();
   p->state = std::move(state);
   p->layout = std::move(layout);
+  p->workers = keeping.workers;
   p->vertex = std::move(vertex);
   if (!p->state.rasterizerDiscard && fragment && hasEffect(p->state, *fragment)) p->fragment = std::move(fragment);
 
@@ -157,6 +158,7 @@ base::Result<std::shared_ptr<ComputePipeline>> createComputePipeline(std::shared
   const base::ScopedFpEnv environment;
   auto p = std::make_shared<ComputePipeline>();
   p->layout = std::move(layout);
+  p->workers = keeping.workers;
   p->shader = std::move(shader);
   p->numerics = numerics;
   if (auto r = checkResources(*p->shader, *p->layout); !r) return in("compute", std::move(r));
@@ -183,13 +185,13 @@ namespace {
 //! Made outside the lock; who loses a race discards. A failure is kept as null and so logged once. One whose code is still in the
 //! making is waited for.
 template <typename Key, typename Routine, typename Make>
-std::shared_ptr<const Routine> findOrMake(Variants<Key, Routine>& variants, const Key& key, const char* stage, Make&& make) {
+std::shared_ptr<const Routine> findOrMake(Variants<Key, Routine>& variants, const Key& key, const char* stage, base::ThreadPool* workers, Make&& make) {
   bool known = false;
-  if (auto found = variants.find(key, known); known) return found && found->code.ready() ? found : nullptr;
+  if (auto found = variants.find(key, known); known) return found && found->code.ready(workers) ? found : nullptr;
   auto made = make();
   if (!made) base::logError("%s routine: %s", stage, made.error().message.c_str());
   auto kept = variants.insert(key, made ? std::shared_ptr<const Routine>(std::move(made).value()) : nullptr);
-  return kept && kept->code.ready() ? kept : nullptr;
+  return kept && kept->code.ready(workers) ? kept : nullptr;
 }
 
 }  // namespace
@@ -198,7 +200,7 @@ std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& p, const Dr
   VertexKey key;
   key.numerics = p.state.numerics;
   key.images = p.vertexImages.read(*p.vertex, *p.layout, draw.setMemory, draw.setSize);
-  return findOrMake(p.vertexVariants, key, "vertex", [&] { return buildVertexRoutine(p, key); });
+  return findOrMake(p.vertexVariants, key, "vertex", p.workers, [&] { return buildVertexRoutine(p, key); });
 }
 
 std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples, bool statistics, bool settled) {
@@ -208,7 +210,7 @@ std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, cons
   key.countSamples = (countSamples || statistics) && !settled;
   key.statistics = statistics;
   if (p.fragment) key.images = p.fragmentImages.read(*p.fragment, *p.layout, draw.setMemory, draw.setSize);
-  return findOrMake(p.fragmentVariants, key, "fragment", [&] { return buildFragmentRoutine(p, key); });
+  return findOrMake(p.fragmentVariants, key, "fragment", p.workers, [&] { return buildFragmentRoutine(p, key); });
 }
 
 const FragmentRoutine* FragmentRoutine::forRows(Rows kind) const {
@@ -235,7 +237,7 @@ void FragmentRoutine::restore(Rows kind, std::shared_ptr<FragmentRoutine> routin
 
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& p, const DispatchState& dispatch) {
   ComputeKey key{p.numerics, p.images.read(*p.shader, *p.layout, dispatch.setMemory, dispatch.setSize)};
-  return findOrMake(p.variants, key, "compute", [&] { return buildComputeRoutine(p, key); });
+  return findOrMake(p.variants, key, "compute", p.workers, [&] { return buildComputeRoutine(p, key); });
 }
 
 void fillConstants(const DrawState& draw, DrawConstants& c) {

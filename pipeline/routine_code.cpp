@@ -107,9 +107,9 @@ class RoutineCode::Known {
   std::multimap<uint64_t, Entry> entries_;   // no memory while empty
 };
 
-bool RoutineCode::ready() const {
+bool RoutineCode::ready(base::ThreadPool* workers) const {
   Making& m = *making_;
-  m.task.finish();
+  workers ? workers->finish(m.task) : m.task.finish();
   if (m.executable) return true;
   if (!m.told.exchange(true)) base::logError("%s: %s", m.name.c_str(), m.error.c_str());
   return false;

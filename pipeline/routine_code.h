@@ -13,7 +13,8 @@ class RoutineCode {
  public:
   RoutineCode() = default;
   //! Waits for it, or makes it; to be asked by a thread before it uses it. False if it cannot be made (the reason is logged once).
-  bool ready() const;
+  //! With `workers` it does their other tasks while one is at it: those will be needed next.
+  bool ready(base::ThreadPool* workers = nullptr) const;
   const interp::Executable* operator->() const;
 
  private:
