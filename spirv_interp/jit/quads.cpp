@@ -87,6 +87,7 @@ void shareAmongQuads(Function& f) {
   std::vector<Value> renamed(count, 0), spread(count, 0);
   std::vector<Inst> insts{f.insts[0]};
   insts.reserve(count + count / 8);
+  f.operandPool.reserve(f.operandPool.size() + count);   // operands are being looked at while further ones come
   const auto spreadNow = [&](Value x) {
     Inst i;
     i.op = Op::QuadSwizzle;

@@ -209,17 +209,17 @@ shared uint counter;
 shared uint all[8];
 void main() {
   uint i = gl_LocalInvocationIndex;
-  b.v[i] = never[i];
+  b.v[gl_GlobalInvocationID.x] = never[i];
   if (i != 5u) some[i] = i;
   all[i] = i;
   barrier();
-  b.v[i] = some[i];
-  b.v[i] = all[7 - i];
+  b.v[gl_GlobalInvocationID.x] = some[i];
+  b.v[gl_GlobalInvocationID.x] = all[7 - i];
   atomicAdd(all[0], 1u);
   atomicExchange(some[5], 1u);
   barrier();
-  b.v[i] = some[i];
-  b.v[i] = atomicAdd(counter, 1u);
+  b.v[gl_GlobalInvocationID.x] = some[i];
+  b.v[gl_GlobalInvocationID.x] = atomicAdd(counter, 1u);
 }
 )", 4);
   for (const char* line : {"line 10, invocation (0, 0, 0)", "line 14, invocation (5, 0, 0)", "line 20, invocation (0, 0, 0)"})
