@@ -7,7 +7,6 @@
 
 #include <spirv-tools/libspirv.h>
 
-#include "spirv_interp/frontend/count_instructions.h"
 #include "spirv_interp/frontend/shader.h"
 
 namespace pumice::frontend {
@@ -367,11 +366,7 @@ base::Status validate(const std::vector<uint32_t>& words) {
   spv_diagnostic diagnostic = nullptr;
   // Names of ids, which only messages need, are a third of the work.
   spvValidatorOptionsSetFriendlyNames(options, false);
-  spv_result_t result;
-  {
-    const QuickCount quick;
-    result = spvValidateWithOptions(context, options, &binary, nullptr);
-  }
+  spv_result_t result = spvValidateWithOptions(context, options, &binary, nullptr);
   if (result != SPV_SUCCESS) {
     spvValidatorOptionsSetFriendlyNames(options, true);
     result = spvValidateWithOptions(context, options, &binary, &diagnostic);
