@@ -29,7 +29,11 @@ struct InvalidShaders : ::testing::Test {
     VkPipelineLayoutCreateInfo info{VK_STRUCTURE_TYPE_PIPELINE_LAYOUT_CREATE_INFO, nullptr, 0, 0, nullptr, 1, &range};
     ASSERT_EQ(VK(vkCreatePipelineLayout)(d.handle, &info, nullptr, &layout), VK_SUCCESS);
   }
-  void TearDown() override { VK(vkDestroyPipelineLayout)(d.handle, layout, nullptr); }
+  void TearDown() override {
+    VK(vkDestroyPipelineLayout)(d.handle, layout, nullptr);
+    VK(vkDestroyShaderModule)(d.handle, vertex, nullptr);
+    VK(vkDestroyRenderPass)(d.handle, pass, nullptr);
+  }
   //! Twice: what the first creation has left must not make the second succeed.
   VkResult make(const std::vector<uint32_t>& words, VkPipelineCache cache) {
     VkShaderModuleCreateInfo moduleInfo{VK_STRUCTURE_TYPE_SHADER_MODULE_CREATE_INFO, nullptr, 0, words.size() * 4, words.data()};
