@@ -242,6 +242,15 @@ std::shared_ptr<SavedPipeline> SavedPipeline::fromBytes(std::span<const std::byt
   return r.ok && r.rest.empty() ? pipeline : nullptr;
 }
 
+static void addVertexInput(KeyBytes& k, const GraphicsState& s) {
+  using B = VkVertexInputBindingDescription;
+  using A = VkVertexInputAttributeDescription;
+  using D = VkVertexInputBindingDivisorDescriptionEXT;
+  k.each(s.vertexBindings, &B::binding, &B::stride, &B::inputRate);
+  k.each(s.vertexAttributes, &A::location, &A::binding, &A::format, &A::offset);
+  k.each(s.divisors, &D::binding, &D::divisor);
+}
+
 SavedPipelineKey savedPipelineKey(const GraphicsState& s, const Layout& layout, const ShaderIdentity& vertex, const ShaderIdentity& fragment) {
   // A new field belongs here, unless it is a number that a draw looks at and no code is made from: viewports, scissors, line width,
   // constants of blending, depth bias and depth bounds, stencil masks and references.
@@ -250,13 +259,8 @@ SavedPipelineKey savedPipelineKey(const GraphicsState& s, const Layout& layout, 
   k.add(vertex);
   k.add(fragment);
   k.add(disabledIdeas());
-  using B = VkVertexInputBindingDescription;
-  using A = VkVertexInputAttributeDescription;
-  using D = VkVertexInputBindingDivisorDescriptionEXT;
   using C = VkPipelineColorBlendAttachmentState;
-  k.each(s.vertexBindings, &B::binding, &B::stride, &B::inputRate);
-  k.each(s.vertexAttributes, &A::location, &A::binding, &A::format, &A::offset);
-  k.each(s.divisors, &D::binding, &D::divisor);
+  addVertexInput(k, s);
   k.each(s.blend, &C::blendEnable, &C::srcColorBlendFactor, &C::dstColorBlendFactor, &C::colorBlendOp, &C::srcAlphaBlendFactor, &C::dstAlphaBlendFactor,
          &C::alphaBlendOp, &C::colorWriteMask);
   k.add(s.wholeAttributes), k.add(s.topology), k.add(s.primitiveRestart), k.add(s.rasterizerDiscard), k.add(s.depthClamp), k.add(s.depthClip);
@@ -277,12 +281,7 @@ SavedPipelineKey vertexPartKey(const GraphicsPipeline& pipeline, const VertexKey
   const StageLink& link = pipeline.link;
   KeyBytes k;
   k.add(uint64_t(reinterpret_cast<uintptr_t>(pipeline.vertex.get())));
-  using B = VkVertexInputBindingDescription;
-  using A = VkVertexInputAttributeDescription;
-  using D = VkVertexInputBindingDivisorDescriptionEXT;
-  k.each(s.vertexBindings, &B::binding, &B::stride, &B::inputRate);
-  k.each(s.vertexAttributes, &A::location, &A::binding, &A::format, &A::offset);
-  k.each(s.divisors, &D::binding, &D::divisor);
+  addVertexInput(k, s);
   k.add(s.wholeAttributes), k.add(s.decisions);
   k.add(uint32_t(link.rows.size()));
   for (const auto& [place, row] : link.rows) k.add(place.location), k.add(place.component), k.add(place.index), k.add(row);
