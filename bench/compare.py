@@ -269,6 +269,36 @@ def vkcube_in_mode(manifest, display, frames, mode):
             "peak_mib": usage.ru_maxrss / 1024, "frames": frames, "limit": "none"}
 
 
+# ---- single calls ------------------------------------------------------------------------------------
+
+
+def calls(program, names, drivers, rounds):
+    """Markdown of what single calls cost (bench_api): by the clock, and processor time of the thread that calls."""
+    runs = {}
+    for _ in range(rounds):
+        for name in names:
+            env = {**os.environ, "VK_ICD_FILENAMES": str(drivers[name]), "VK_DRIVER_FILES": str(drivers[name])}
+            command = [str(program), "--benchmark_format=json", "--benchmark_min_time=0.1"]
+            done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=RUN_TIMEOUT)
+            if done.returncode:
+                say(f"{name}: {program.name} fails: {done.stderr.strip()[-200:]}")
+                continue
+            for each in json.loads(done.stdout)["benchmarks"]:
+                to_us = {"ns": 1e-3, "us": 1, "ms": 1e3}[each["time_unit"]]
+                call = each["name"].split("/")[0] + (f", {each['label']}" if each.get("label") else "")
+                runs.setdefault(call, {}).setdefault(name, []).append((each["real_time"] * to_us, each["cpu_time"] * to_us))
+    rows = []
+    for call, by_driver in runs.items():
+        medians = {name: [statistics.median(column) for column in zip(*each)] for name, each in by_driver.items()}
+        row = [call] + [f"{number(medians[name][0])} / {number(medians[name][1])}" if name in medians else "-" for name in names]
+        for column in (0, 1):
+            peers = [medians[name][column] for name in medians if name != "Pumice"]
+            row.append(number(min(peers) / max(medians["Pumice"][column], 1e-9)) if peers and "Pumice" in medians else "-")
+        rows.append(row)
+    header = ["call"] + [f"{name}, us clock / processor" for name in names] + ["x clock", "x processor"]
+    return "### Calls\n\n" + markdown_table(header, rows) + "\n"
+
+
 # ---- how it grows ------------------------------------------------------------------------------------
 
 
@@ -396,6 +426,9 @@ def main():
                  + "Limits measured just before, all processors / one: "
                  + ", ".join(f"{key.replace('_per_second', '').replace('_', ' ')} {value / 1e9:.1f} / {limits['one'][key] / 1e9:.1f} G/s"
                              for key, value in limits["all"].items() if key != "threads") + ".\n")
+        program = given.build / "bench" / "bench_api"
+        if re.search(given.scenes, "calls") and program.exists():
+            text += "\n" + calls(program, names, drivers, given.rounds)
     if (given.scaling or given.only_scaling) and not given.only_ablations:
         text += "\n" + scaling(runner, names, given.largest)
     if given.ablations:

@@ -29,11 +29,22 @@ struct CapturedDraw {
   const std::byte* chunks = nullptr;   //!< those that changed, kStateChunk bytes apart
 };
 
-//! Chunks in which two states differ.
-inline StateChunks differingChunks(const pipeline::DrawValues& a, const pipeline::DrawValues& b) {
+constexpr StateChunks kAllStateChunks = ~StateChunks(0) >> (64 - kStateChunks);
+//! The lowest of them.
+inline size_t lowestChunk(StateChunks chunks) { return size_t(std::countr_zero(chunks)); }
+
+//! Those that hold the bytes from `offset` to `offset + size` (not 0).
+constexpr StateChunks chunksOf(size_t offset, size_t size) {
+  return ~StateChunks(0) << offset / kStateChunk & ~StateChunks(0) >> (63 - (offset + size - 1) / kStateChunk);
+}
+
+//! Those of `among` in which two states differ.
+inline StateChunks differingChunks(const pipeline::DrawValues& a, const pipeline::DrawValues& b, StateChunks among) {
   StateChunks differ = 0;
-  for (size_t i = 0; i < kStateChunks; ++i)
+  for (StateChunks left = among; left; left &= left - 1) {
+    const size_t i = lowestChunk(left);
     differ |= StateChunks(std::memcmp(stateChunk(a, i), stateChunk(b, i), stateChunkBytes(i)) != 0) << i;
+  }
   return differ;
 }
 
@@ -47,11 +58,11 @@ class StateReader {
       state_ = *c.whole;
       whole_ = c.whole;
     } else {
-      for (StateChunks left = changed_ & ~c.changed; left; left &= left - 1) put(index(left), stateChunk(*whole_, index(left)));
+      for (StateChunks left = changed_ & ~c.changed; left; left &= left - 1) put(lowestChunk(left), stateChunk(*whole_, lowestChunk(left)));
     }
     changed_ = c.changed;
     const std::byte* from = c.chunks;
-    for (StateChunks left = changed_; left; left &= left - 1, from += kStateChunk) put(index(left), from);
+    for (StateChunks left = changed_; left; left &= left - 1, from += kStateChunk) put(lowestChunk(left), from);
     return state_;
   }
   //! Before a captured state may end.
@@ -61,8 +72,6 @@ class StateReader {
   }
 
  private:
-  //! The lowest of them.
-  static size_t index(StateChunks chunks) { return size_t(std::countr_zero(chunks)); }
   void put(size_t i, const std::byte* from) { std::memcpy(stateChunk(state_, i), from, stateChunkBytes(i)); }
   pipeline::DrawState state_;
   const pipeline::DrawState* whole_ = nullptr;   //!< what state_ is made from, with

@@ -3,6 +3,7 @@
 #include "icd/command_buffer.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 #include <utility>
 
@@ -27,7 +28,8 @@ void CommandBuffer::reset() {
   std::fill(std::begin(pushedDraw), std::end(pushedDraw), nullptr);
   std::fill(std::begin(pushedDispatch), std::end(pushedDispatch), nullptr);
   family = nullptr;
-  isCaptured = false;
+  isCaptured = isMerged = false;
+  touched = 0;
   captured = {};
 }
 
@@ -41,9 +43,8 @@ void CommandBuffer::execute(Execution& e) const {
   e.current = outer;
 }
 
-// Many draws between two changes of state share one copy.
-bool CommandBuffer::captureDraw() {
-  if (isCaptured) return true;
+// What the pipeline decides or leaves dynamic. Its part of the values ends where the vertex buffers begin.
+bool CommandBuffer::mergeState() {
   if (family) try {
       draw.pipeline = family->member(extended);
     } catch (const std::bad_alloc&) {
@@ -76,8 +77,17 @@ bool CommandBuffer::captureDraw() {
     draw.stencilWriteMask[i] = is(VK_DYNAMIC_STATE_STENCIL_WRITE_MASK) ? dynamic.stencilWriteMask[i] : faces[i]->writeMask;
     draw.stencilReference[i] = is(VK_DYNAMIC_STATE_STENCIL_REFERENCE) ? dynamic.stencilReference[i] : faces[i]->reference;
   }
+  valuesChanged(stateChunk(draw, 0), offsetof(pipeline::DrawValues, vertexBuffers));
+  return isMerged = true;
+}
+
+// Many draws between two changes of state share one copy.
+bool CommandBuffer::captureDraw() {
+  if (isCaptured) return true;
+  if (!isMerged && !mergeState()) return false;
   if (captured.whole && captured.whole->pipeline == draw.pipeline) {
-    const StateChunks changed = differingChunks(*captured.whole, draw);
+    assert(!differingChunks(*captured.whole, draw, kAllStateChunks & ~touched));
+    const StateChunks changed = differingChunks(*captured.whole, draw, touched);
     const size_t count = size_t(std::popcount(changed));
     if (count <= kStateChunks / 4) {
       auto* chunks = static_cast<std::byte*>(arena.allocBytes(std::max<size_t>(count, 1) * kStateChunk, alignof(uint64_t)));
@@ -88,7 +98,7 @@ bool CommandBuffer::captureDraw() {
       captured.changed = changed;
       captured.chunks = chunks;
       for (StateChunks left = changed; left; left &= left - 1, chunks += kStateChunk) {
-        const size_t i = size_t(std::countr_zero(left));
+        const size_t i = lowestChunk(left);
         std::memcpy(chunks, stateChunk(draw, i), stateChunkBytes(i));
       }
       return isCaptured = true;
@@ -108,6 +118,7 @@ bool CommandBuffer::captureDraw() {
   *tail = kept;
   tail = &kept->next;
   captured = {&kept->state, 0, nullptr};
+  touched = 0;
   return isCaptured = true;
 }
 
@@ -192,7 +203,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindPipeline(VkCommandBuffer buffer, VkPipelineB
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     cb.draw.pipeline = from(pipeline)->graphics;
     cb.family = from(pipeline)->family.get();
-    cb.isCaptured = false;
+    cb.stateChanged();
   } else {
     cb.dispatch.pipeline = from(pipeline)->compute;
   }
@@ -200,40 +211,40 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindPipeline(VkCommandBuffer buffer, VkPipelineB
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetViewport(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkViewport* viewports) {
   for (uint32_t i = 0; i < count && first + i < raster::kMaxViewports; i++) from(buffer)->dynamic.viewports[first + i] = viewports[i];
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetScissor(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkRect2D* scissors) {
   for (uint32_t i = 0; i < count && first + i < raster::kMaxViewports; i++) from(buffer)->dynamic.scissors[first + i] = scissors[i];
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetLineWidth(VkCommandBuffer buffer, float width) {
   from(buffer)->dynamic.lineWidth = width;
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetDepthBias(VkCommandBuffer buffer, float constant, float clamp, float slope) {
   float values[3] = {constant, clamp, slope};
   std::copy_n(values, 3, from(buffer)->dynamic.depthBias);
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetBlendConstants(VkCommandBuffer buffer, const float constants[4]) {
   std::copy_n(constants, 4, from(buffer)->dynamic.blendConstants);
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetDepthBounds(VkCommandBuffer buffer, float low, float high) {
   from(buffer)->dynamic.depthBounds[0] = low;
   from(buffer)->dynamic.depthBounds[1] = high;
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 static void setFaces(CommandBuffer& cb, uint32_t (&values)[2], VkStencilFaceFlags faces, uint32_t value) {
   if (faces & VK_STENCIL_FACE_FRONT_BIT) values[0] = value;
   if (faces & VK_STENCIL_FACE_BACK_BIT) values[1] = value;
-  cb.isCaptured = false;
+  cb.stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilCompareMask(VkCommandBuffer b, VkStencilFaceFlags f, uint32_t v) { setFaces(*from(b), from(b)->dynamic.stencilCompareMask, f, v); }
@@ -258,7 +269,10 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindDescriptorSets(VkCommandBuffer buffer, VkPip
   };
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     bind(cb.draw);
-    cb.isCaptured = false;
+    const uint32_t bound = firstSet < ir::kMaxDescriptorSets ? std::min<uint32_t>(count, ir::kMaxDescriptorSets - firstSet) : 0;
+    cb.valuesChanged(cb.draw.setMemory + firstSet, bound);
+    cb.valuesChanged(cb.draw.setSize + firstSet, bound);
+    if (offsetCount) cb.valuesChanged(cb.draw.dynamicOffsets, pipeline::kMaxDynamicOffsets);
   } else {
     bind(cb.dispatch);
   }
@@ -267,10 +281,9 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindDescriptorSets(VkCommandBuffer buffer, VkPip
 // A pushed set is memory of the command buffer: a new copy for each push, so that earlier draws keep what they saw.
 template <typename Write>
 static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipelineLayout layoutHandle, uint32_t number, Write&& write) {
-  const auto& layout = from(layoutHandle)->layout;
-  if (number >= layout->sets.size() || number >= ir::kMaxDescriptorSets) return;
-  DescriptorSet set;
-  set.layout = std::shared_ptr<const pipeline::SetLayout>(layout, &layout->sets[number]);
+  const pipeline::Layout& layout = *from(layoutHandle)->layout;
+  if (number >= layout.sets.size() || number >= ir::kMaxDescriptorSets) return;
+  SetMemory set{&layout.sets[number]};
   set.size = set.layout->size;
   if (!set.size) return;
   set.memory = static_cast<std::byte*>(cb.arena.allocBytes(set.size, 64));
@@ -290,7 +303,8 @@ static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipe
   };
   if (point == VK_PIPELINE_BIND_POINT_GRAPHICS) {
     push(cb.draw, cb.pushedDraw[number]);
-    cb.isCaptured = false;
+    cb.valuesChanged(cb.draw.setMemory + number, 1);
+    cb.valuesChanged(cb.draw.setSize + number, 1);
   } else {
     push(cb.dispatch, cb.pushedDispatch[number]);
   }
@@ -298,13 +312,13 @@ static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipe
 
 VKAPI_ATTR void VKAPI_CALL vkCmdPushDescriptorSetKHR(VkCommandBuffer buffer, VkPipelineBindPoint point, VkPipelineLayout layout, uint32_t number, uint32_t count,
                                                      const VkWriteDescriptorSet* writes) {
-  pushDescriptors(*from(buffer), point, layout, number, [&](const DescriptorSet& set) {
+  pushDescriptors(*from(buffer), point, layout, number, [&](const SetMemory& set) {
     for (uint32_t i = 0; i < count; i++) writeDescriptors(set, writes[i]);
   });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdPushDescriptorSetWithTemplateKHR(VkCommandBuffer buffer, VkDescriptorUpdateTemplate t, VkPipelineLayout layout, uint32_t number, const void* data) {
-  pushDescriptors(*from(buffer), from(t)->bindPoint, layout, number, [&](const DescriptorSet& set) { writeDescriptors(set, *from(t), data); });
+  pushDescriptors(*from(buffer), from(t)->bindPoint, layout, number, [&](const SetMemory& set) { writeDescriptors(set, *from(t), data); });
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdPushConstants(VkCommandBuffer buffer, VkPipelineLayout, VkShaderStageFlags, uint32_t offset, uint32_t size, const void* values) {
@@ -313,7 +327,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdPushConstants(VkCommandBuffer buffer, VkPipeline
   size = std::min(size, pipeline::kMaxPushBytes - offset);
   std::memcpy(cb.draw.push + offset, values, size);
   std::memcpy(cb.dispatch.push + offset, values, size);
-  cb.isCaptured = false;
+  cb.valuesChanged(cb.draw.push + offset, size);
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers(VkCommandBuffer buffer, uint32_t first, uint32_t count, const VkBuffer* buffers, const VkDeviceSize* offsets) {
@@ -322,7 +336,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers(VkCommandBuffer buffer, uint32
     texture::BufferMemory range = buffers[i] ? from(buffers[i])->range(offsets[i]) : texture::BufferMemory{};
     cb.draw.vertexBuffers[first + i] = {reinterpret_cast<uint64_t>(range.base), range.size};
   }
-  cb.isCaptured = false;
+  if (first < pipeline::kMaxVertexBindings) cb.valuesChanged(cb.draw.vertexBuffers + first, std::min(count, pipeline::kMaxVertexBindings - first));
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdBindIndexBuffer(VkCommandBuffer buffer, VkBuffer indices, VkDeviceSize offset, VkIndexType type) {
@@ -331,7 +345,9 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindIndexBuffer(VkCommandBuffer buffer, VkBuffer
   cb.draw.indexBase = reinterpret_cast<uint64_t>(range.base);
   cb.draw.indexSize = range.size;
   cb.draw.indexType = type;
-  cb.isCaptured = false;
+  cb.valuesChanged(&cb.draw.indexBase, 1);
+  cb.valuesChanged(&cb.draw.indexSize, 1);
+  cb.valuesChanged(&cb.draw.indexType, 1);
 }
 
 // --- draws and dispatches

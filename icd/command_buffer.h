@@ -128,8 +128,21 @@ struct CommandBuffer : Dispatchable {
   PipelineFamily* family = nullptr;                //!< of the bound pipeline, when it leaves extended state dynamic
   bool isCaptured = false;                         //!< nothing changed since:
   CapturedDraw captured;                           //!< of the last draw; in the arena
+  bool isMerged = false;                           //!< pipeline, `dynamic` and `extended` are as `draw` has them
+  StateChunks touched = 0;                         //!< where `draw` may differ from captured.whole
+  //! To be called after a change of the pipeline, of `dynamic` or of `extended`.
+  void stateChanged() { isCaptured = isMerged = false; }
+  //! After a change of these elements of `draw`.
+  template <typename T>
+  void valuesChanged(const T* first, size_t count) {
+    if (count) touched |= chunksOf(size_t(reinterpret_cast<const std::byte*>(first) - stateChunk(draw, 0)), count * sizeof(T));
+    isCaptured = false;
+  }
   //! False: there is nothing to draw with.
   bool captureDraw();
+
+ private:
+  bool mergeState();
 };
 
 struct CommandPool {

@@ -43,7 +43,7 @@ pipeline::SetLayout makeSetLayout(const VkDescriptorSetLayoutCreateInfo& info) {
     }
     if (b.pImmutableSamplers && hasSampler(b.descriptorType))
       for (uint32_t k = 0; k < b.descriptorCount; k++) binding.immutableSamplers.push_back(from(b.pImmutableSamplers[k])->descriptor);
-    layout.bindings[b.binding] = std::move(binding);
+    layout.bindings.set(b.binding, std::move(binding));
   }
   // Offsets and dynamic offsets run in the order of binding numbers (spec, vkCmdBindDescriptorSets).
   for (auto& [number, binding] : layout.bindings) {
@@ -67,7 +67,7 @@ std::pair<uint32_t, uint32_t> poolUse(const pipeline::Binding& b, uint32_t varia
 // Arrays run on into the following bindings (spec, "consecutive binding updates").
 class ElementWalk {
  public:
-  ElementWalk(const DescriptorSet& set, uint32_t binding, uint32_t element) : set_(set), it_(set.layout->bindings.find(binding)), element_(element) { skipFull(); }
+  ElementWalk(const SetMemory& set, uint32_t binding, uint32_t element) : set_(set), it_(set.layout->bindings.find(binding)), element_(element) { skipFull(); }
   bool valid() const { return it_ != set_.layout->bindings.end() && element_ < elementsOf(it_->second, set_.variableCount); }
   const pipeline::Binding& binding() const { return it_->second; }
   std::byte* address() const { return set_.at(it_->second, element_); }
@@ -81,8 +81,8 @@ class ElementWalk {
   void skipFull() {
     while (it_ != set_.layout->bindings.end() && element_ >= it_->second.count) element_ -= it_->second.count, ++it_;
   }
-  const DescriptorSet& set_;
-  std::map<uint32_t, pipeline::Binding>::const_iterator it_;
+  const SetMemory& set_;
+  pipeline::BindingTable::const_iterator it_;
   uint32_t element_;
 };
 
@@ -96,10 +96,11 @@ void writeBuffer(std::byte* out, const VkDescriptorBufferInfo& info) {
   std::memcpy(out, &d, sizeof d);
 }
 
+constexpr texture::ImageDescriptor kNullImage;
+
 void writeImage(std::byte* out, const VkDescriptorImageInfo& info) {
-  texture::ImageDescriptor d;
-  if (const ImageView* view = from(info.imageView)) d = view->descriptor;
-  std::memcpy(static_cast<void*>(out), &d, sizeof d);
+  const ImageView* view = from(info.imageView);
+  std::memcpy(static_cast<void*>(out), view ? &view->descriptor : &kNullImage, sizeof kNullImage);
 }
 
 // One element from the application's structure of its type.
@@ -145,24 +146,28 @@ std::pair<const void*, size_t> sourceOf(const VkWriteDescriptorSet& w) {
 }
 
 // Bytes of an inline uniform block; elements count bytes there.
-std::byte* inlineBytes(const DescriptorSet& set, uint32_t binding, uint32_t offset, uint32_t& count) {
+std::byte* inlineBytes(const SetMemory& set, uint32_t binding, uint32_t offset, uint32_t& count) {
   auto it = set.layout->bindings.find(binding);
   if (it == set.layout->bindings.end() || offset >= it->second.inlineBytes) return nullptr;
   count = std::min(count, it->second.inlineBytes - offset);
   return set.at(it->second, 0) + kInlineData + offset;
 }
 
-void writeInline(const DescriptorSet& set, uint32_t binding, uint32_t offset, uint32_t count, const void* data) {
+void writeInline(const SetMemory& set, uint32_t binding, uint32_t offset, uint32_t count, const void* data) {
   if (std::byte* out = inlineBytes(set, binding, offset, count)) std::memcpy(out, data, count);
 }
 
-void writeElements(const DescriptorSet& set, uint32_t binding, uint32_t element, uint32_t count, VkDescriptorType type, const void* source, size_t stride) {
+void writeElements(const SetMemory& set, uint32_t binding, uint32_t element, uint32_t count, VkDescriptorType type, const void* source, size_t stride) {
   ElementWalk at(set, binding, element);
-  for (uint32_t k = 0; k < count && at.valid(); k++, at.next()) writeElement(at, type, static_cast<const std::byte*>(source) + k * stride);
+  for (uint32_t k = 0; k < count; k++) {
+    if (k) at.next();
+    if (!at.valid()) break;
+    writeElement(at, type, static_cast<const std::byte*>(source) + k * stride);
+  }
 }
 
 void copyDescriptors(const VkCopyDescriptorSet& c) {
-  const DescriptorSet &from_ = *from(c.srcSet), &to_ = *from(c.dstSet);
+  const SetMemory &from_ = *from(c.srcSet), &to_ = *from(c.dstSet);
   if (auto it = from_.layout->bindings.find(c.srcBinding); it != from_.layout->bindings.end() && it->second.inlineBytes) {
     uint32_t count = c.descriptorCount;
     if (const std::byte* bytes = inlineBytes(from_, c.srcBinding, c.srcArrayElement, count)) writeInline(to_, c.dstBinding, c.dstArrayElement, count, bytes);
@@ -177,7 +182,7 @@ void copyDescriptors(const VkCopyDescriptorSet& c) {
 
 }  // namespace
 
-void initSetMemory(const DescriptorSet& set) {
+void initSetMemory(const SetMemory& set) {
   std::memset(set.memory, 0, set.size);
   for (auto& [number, b] : set.layout->bindings) {
     uint32_t samplers = std::min(uint32_t(b.immutableSamplers.size()), elementsOf(b, set.variableCount));
@@ -191,7 +196,7 @@ void initSetMemory(const DescriptorSet& set) {
   }
 }
 
-void writeDescriptors(const DescriptorSet& set, const VkWriteDescriptorSet& w) {
+void writeDescriptors(const SetMemory& set, const VkWriteDescriptorSet& w) {
   if (w.descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK) {
     if (auto* block = findInChain<VkWriteDescriptorSetInlineUniformBlock>(w.pNext, VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET_INLINE_UNIFORM_BLOCK))
       writeInline(set, w.dstBinding, w.dstArrayElement, block->dataSize, block->pData);
@@ -201,7 +206,7 @@ void writeDescriptors(const DescriptorSet& set, const VkWriteDescriptorSet& w) {
   writeElements(set, w.dstBinding, w.dstArrayElement, w.descriptorCount, w.descriptorType, source, stride);
 }
 
-void writeDescriptors(const DescriptorSet& set, const DescriptorUpdateTemplate& update, const void* data) {
+void writeDescriptors(const SetMemory& set, const DescriptorUpdateTemplate& update, const void* data) {
   for (const VkDescriptorUpdateTemplateEntry& e : update.entries) {
     const std::byte* source = static_cast<const std::byte*>(data) + e.offset;
     if (e.descriptorType == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK)
@@ -211,53 +216,51 @@ void writeDescriptors(const DescriptorSet& set, const DescriptorUpdateTemplate& 
   }
 }
 
-VkResult DescriptorPool::allocate(const DescriptorSetLayout& handle, uint32_t variableCount, DescriptorSet** out) {
-  const pipeline::SetLayout& layout = *handle.layout;
-  if (sets.size() >= maxSets) return VK_ERROR_OUT_OF_POOL_MEMORY;
-  auto rest = available;
+bool DescriptorPool::take(const pipeline::SetLayout& layout, uint32_t variableCount) {
   for (auto& [number, b] : layout.bindings) {
     auto [type, count] = poolUse(b, variableCount);
-    if (type >= rest.size()) continue;
-    if (rest[type] < count) return VK_ERROR_OUT_OF_POOL_MEMORY;
-    rest[type] -= count;
+    if (type >= available.size()) continue;
+    if (available[type] < count) return false;
+    available[type] -= count;
   }
-  auto* set = makeObject<DescriptorSet>(allocator, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT);
-  if (!set) return VK_ERROR_OUT_OF_HOST_MEMORY;
-  set->variableCount = variableCount;
-  set->size = layout.size;
+  return true;
+}
+
+DescriptorSet* DescriptorPool::make(const DescriptorSetLayout& handle, uint32_t variableCount) {
+  const pipeline::SetLayout& layout = *handle.layout;
+  uint32_t size = layout.size;
   if (!layout.bindings.empty()) {
-    const pipeline::Binding& last = layout.bindings.rbegin()->second;
-    if (last.variable && !last.inlineBytes) set->size = last.offset + ((last.stride * elementsOf(last, variableCount) + 63) & ~63u);
+    const pipeline::Binding& last = layout.bindings.back().second;
+    if (last.variable && !last.inlineBytes) size = last.offset + ((last.stride * elementsOf(last, variableCount) + 63) & ~63u);
   }
-  if (set->size) {
-    set->memory = static_cast<std::byte*>(allocator.allocate(set->size, 64, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT));
-    if (!set->memory) {
-      destroyObject(allocator, set);
-      return VK_ERROR_OUT_OF_HOST_MEMORY;
-    }
-  }
-  set->layout = handle.layout;
-  set->pool = this;
+  // The descriptors first, then the object.
+  const size_t whole = size_t(size) + sizeof(DescriptorSet);
+  auto* memory = static_cast<std::byte*>(freesSets ? allocator.allocate(whole, 64, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT) : arena.allocBytes(whole, 64));
+  if (!memory) return nullptr;
+  auto* set = new (memory + size) DescriptorSet{{&layout, size ? memory : nullptr, size, variableCount}, handle.layout};
   sets.insert(set);
-  available = rest;
-  if (set->memory) initSetMemory(*set);
-  *out = set;
-  return VK_SUCCESS;
+  if (size) initSetMemory(*set);
+  return set;
 }
 
 void DescriptorPool::free(DescriptorSet* set) {
   for (auto& [number, b] : set->layout->bindings)
     if (auto [type, count] = poolUse(b, set->variableCount); type < available.size()) available[type] += count;
+  destroy(set);
+}
+
+void DescriptorPool::destroy(DescriptorSet* set) {
   sets.erase(set);
-  allocator.free(set->memory);
-  destroyObject(allocator, set);
+  std::byte* memory = reinterpret_cast<std::byte*>(set) - set->size;
+  set->~DescriptorSet();
+  if (freesSets) allocator.free(memory);
 }
 
 void DescriptorPool::reset() {
-  while (sets.first()) free(sets.first());
+  while (sets.first()) destroy(sets.first());
+  arena.reset();
+  available = capacity;
 }
-
-DescriptorPool::~DescriptorPool() { reset(); }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorSetLayout(VkDevice device, const VkDescriptorSetLayoutCreateInfo* info, const VkAllocationCallbacks* callbacks, VkDescriptorSetLayout* out) {
   auto* layout = from(device)->make<DescriptorSetLayout>(callbacks);
@@ -307,11 +310,13 @@ VKAPI_ATTR VkResult VKAPI_CALL vkCreateDescriptorPool(VkDevice handle, const VkD
   auto* pool = device.make<DescriptorPool>(callbacks, device.allocatorFor(callbacks));
   if (!pool) return VK_ERROR_OUT_OF_HOST_MEMORY;
   pool->maxSets = info->maxSets;
+  pool->freesSets = info->flags & VK_DESCRIPTOR_POOL_CREATE_FREE_DESCRIPTOR_SET_BIT;
   for (uint32_t i = 0; i < info->poolSizeCount; i++)
     if (const VkDescriptorPoolSize& size = info->pPoolSizes[i]; size.type == VK_DESCRIPTOR_TYPE_INLINE_UNIFORM_BLOCK)
-      pool->available[kInlineBytes] += size.descriptorCount;
+      pool->capacity[kInlineBytes] += size.descriptorCount;
     else if (size.type < kInlineBytes)
-      pool->available[size.type] += size.descriptorCount;
+      pool->capacity[size.type] += size.descriptorCount;
+  pool->available = pool->capacity;
   *out = to<VkDescriptorPool>(pool);
   return VK_SUCCESS;
 }
@@ -327,18 +332,29 @@ VKAPI_ATTR VkResult VKAPI_CALL vkResetDescriptorPool(VkDevice, VkDescriptorPool 
 
 VKAPI_ATTR VkResult VKAPI_CALL vkAllocateDescriptorSets(VkDevice, const VkDescriptorSetAllocateInfo* info, VkDescriptorSet* out) {
   DescriptorPool& pool = *from(info->descriptorPool);
+  const uint32_t count = info->descriptorSetCount;
   auto* variable = findInChain<VkDescriptorSetVariableDescriptorCountAllocateInfo>(info->pNext, VK_STRUCTURE_TYPE_DESCRIPTOR_SET_VARIABLE_DESCRIPTOR_COUNT_ALLOCATE_INFO);
-  for (uint32_t i = 0; i < info->descriptorSetCount; i++) {
-    DescriptorSet* set = nullptr;
-    VkResult result = pool.allocate(*from(info->pSetLayouts[i]), variable && i < variable->descriptorSetCount ? variable->pDescriptorCounts[i] : 0, &set);
-    if (result != VK_SUCCESS) {
-      while (i--) pool.free(from(out[i]));
-      std::fill_n(out, info->descriptorSetCount, VkDescriptorSet(VK_NULL_HANDLE));
-      return result;
+  const auto variableCount = [&](uint32_t i) { return variable && i < variable->descriptorSetCount ? variable->pDescriptorCounts[i] : 0; };
+  // All or nothing: only memory can be short once the first set is made.
+  const DescriptorCounts before = pool.available;
+  VkResult result = count <= pool.maxSets - pool.sets.size() ? VK_SUCCESS : VK_ERROR_OUT_OF_POOL_MEMORY;
+  for (uint32_t i = 0; i < count && result == VK_SUCCESS; i++)
+    if (!pool.take(*from(info->pSetLayouts[i])->layout, variableCount(i))) result = VK_ERROR_OUT_OF_POOL_MEMORY;
+  for (uint32_t i = 0; i < count && result == VK_SUCCESS; i++) {
+    DescriptorSet* set = pool.make(*from(info->pSetLayouts[i]), variableCount(i));
+    if (set) {
+      out[i] = to<VkDescriptorSet>(set);
+    } else {
+      while (i--) pool.destroy(from(out[i]));
+      result = VK_ERROR_OUT_OF_HOST_MEMORY;
+      break;
     }
-    out[i] = to<VkDescriptorSet>(set);
   }
-  return VK_SUCCESS;
+  if (result != VK_SUCCESS) {
+    pool.available = before;
+    std::fill_n(out, count, VkDescriptorSet(VK_NULL_HANDLE));
+  }
+  return result;
 }
 
 VKAPI_ATTR VkResult VKAPI_CALL vkFreeDescriptorSets(VkDevice, VkDescriptorPool pool, uint32_t count, const VkDescriptorSet* sets) {

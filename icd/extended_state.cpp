@@ -151,7 +151,7 @@ std::shared_ptr<pipeline::GraphicsPipeline> PipelineFamily::member(const Extende
 #define PUMICE_SETTER(command, type, member)                                  \
   VKAPI_ATTR void VKAPI_CALL command(VkCommandBuffer buffer, type value) {    \
     from(buffer)->extended.member = uint32_t(value);                          \
-    from(buffer)->isCaptured = false;                                         \
+    from(buffer)->stateChanged();                                          \
   }
 PUMICE_SETTER(vkCmdSetCullMode, VkCullModeFlags, cullMode)
 PUMICE_SETTER(vkCmdSetFrontFace, VkFrontFace, frontFace)
@@ -171,13 +171,13 @@ VKAPI_ATTR void VKAPI_CALL vkCmdSetStencilOp(VkCommandBuffer buffer, VkStencilFa
   VkStencilOpState ops{fail, pass, depthFail, compare, 0, 0, 0};
   for (uint32_t i = 0; i < 2; i++)
     if (faces >> i & 1) setOps(from(buffer)->extended.stencil[i], ops);
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetColorWriteEnableEXT(VkCommandBuffer buffer, uint32_t count, const VkBool32* enables) {
   uint32_t& writes = from(buffer)->extended.colorWrites;
   for (uint32_t i = 0; i < count && i < pipeline::kMaxColorAttachments; i++) writes = (writes & ~(1u << i)) | (enables[i] ? 1u << i : 0);
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 // Of a feature that is not there.
@@ -194,6 +194,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdBindVertexBuffers2(VkCommandBuffer buffer, uint3
     if (sizes && buffers[i]) cb.draw.vertexBuffers[first + i].size = from(buffers[i])->range(offsets[i], sizes[i]).size;
     if (strides) cb.extended.strides[first + i] = uint32_t(strides[i]);
   }
+  if (strides) cb.stateChanged();
 }
 
 VKAPI_ATTR void VKAPI_CALL vkCmdSetVertexInputEXT(VkCommandBuffer buffer, uint32_t bindingCount, const VkVertexInputBindingDescription2EXT* bindings, uint32_t attributeCount,
@@ -208,7 +209,7 @@ VKAPI_ATTR void VKAPI_CALL vkCmdSetVertexInputEXT(VkCommandBuffer buffer, uint32
   }
   for (uint32_t i = 0; i < attributeCount && i < pipeline::kMaxVertexAttributes; i++)
     e.vertexInput.attributes[e.vertexInput.attributeCount++] = {attributes[i].location, attributes[i].binding, attributes[i].format, attributes[i].offset};
-  from(buffer)->isCaptured = false;
+  from(buffer)->stateChanged();
 }
 
 // Stippled lines are not supported, so nothing reads the pattern; the command belongs to the extension all the same.

@@ -1,8 +1,9 @@
 // Where descriptors and draw constants lie in memory: the border between icd/ (which writes them) and routines.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
-#include <map>
+#include <utility>
 #include <vector>
 
 #include "spirv_interp/ir/ir.h"
@@ -22,8 +23,39 @@ struct Binding {
   std::vector<texture::SamplerDescriptor> immutableSamplers;
 };
 
+//! Bindings by number, in the order of their numbers.
+class BindingTable {
+ public:
+  using Entry = std::pair<uint32_t, Binding>;
+  using const_iterator = std::vector<Entry>::const_iterator;
+  //! Adds a binding, in place of one of this number.
+  void set(uint32_t number, Binding binding) {
+    auto at = entries_.begin() + (lowerBound(number) - entries_.cbegin());
+    if (at != entries_.end() && at->first == number) at->second = std::move(binding);
+    else entries_.emplace(at, number, std::move(binding));
+  }
+  const_iterator find(uint32_t number) const {
+    if (number < entries_.size() && entries_[number].first == number) [[likely]] return begin() + number;   // numbers without holes
+    const auto at = lowerBound(number);
+    return at != end() && at->first == number ? at : end();
+  }
+  const_iterator begin() const { return entries_.begin(); }
+  const_iterator end() const { return entries_.end(); }
+  auto begin() { return entries_.begin(); }
+  auto end() { return entries_.end(); }
+  const Entry& back() const { return entries_.back(); }
+  size_t size() const { return entries_.size(); }
+  bool empty() const { return entries_.empty(); }
+
+ private:
+  const_iterator lowerBound(uint32_t number) const {
+    return std::lower_bound(begin(), end(), number, [](const Entry& e, uint32_t n) { return e.first < n; });
+  }
+  std::vector<Entry> entries_;
+};
+
 struct SetLayout {
-  std::map<uint32_t, Binding> bindings;
+  BindingTable bindings;
   uint32_t size = 0;            //!< bytes of set memory
   uint32_t dynamicCount = 0;
 };

@@ -368,56 +368,63 @@ TEST(AllocationCallbacks, PoolsServeWhatComesOutOfThem) {
   VkDescriptorSetLayout setLayout = VK_NULL_HANDLE;
   ASSERT_EQ(VK(vkCreateDescriptorSetLayout)(device.handle, &setInfo, nullptr, &setLayout), VK_SUCCESS);
   const VkDescriptorSetLayout layouts[3] = {setLayout, setLayout, setLayout};
-  bool commandsDone = false, setsDone = false;
-  for (long n = 0; n < 50 && !(commandsDone && setsDone); n++) {
-    CountingAllocator allocator;
-    VkCommandPoolCreateInfo commandPoolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, 0};
-    VkCommandPool commandPool = VK_NULL_HANDLE;
-    ASSERT_EQ(VK(vkCreateCommandPool)(device.handle, &commandPoolInfo, &allocator.callbacks, &commandPool),
-              VK_SUCCESS);
-    VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 6};
-    VkDescriptorPoolCreateInfo poolInfo{
-        VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 3, 1, &size};
-    VkDescriptorPool pool = VK_NULL_HANDLE;
-    ASSERT_EQ(VK(vkCreateDescriptorPool)(device.handle, &poolInfo, &allocator.callbacks, &pool), VK_SUCCESS);
-    size_t before = allocator.live.size();
-    allocator.left = n;
-    VkCommandBuffer commands[3];
-    VkCommandBufferAllocateInfo commandInfo{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
-                                            commandPool, VK_COMMAND_BUFFER_LEVEL_PRIMARY, 3};
-    VkResult result = VK(vkAllocateCommandBuffers)(device.handle, &commandInfo, commands);
-    commandsDone = result == VK_SUCCESS;
-    if (!commandsDone) {
-      EXPECT_EQ(result, VK_ERROR_OUT_OF_HOST_MEMORY);
-      for (VkCommandBuffer c : commands) EXPECT_EQ(c, VkCommandBuffer(VK_NULL_HANDLE));
-      EXPECT_EQ(allocator.live.size(), before);
-    }
-    allocator.left = n;
-    before = allocator.live.size();
-    VkDescriptorSet sets[3];
-    VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 3,
-                                         layouts};
-    result = VK(vkAllocateDescriptorSets)(device.handle, &allocate, sets);
-    setsDone = result == VK_SUCCESS;
-    if (!setsDone) {
-      EXPECT_EQ(result, VK_ERROR_OUT_OF_HOST_MEMORY);
-      for (VkDescriptorSet s : sets) EXPECT_EQ(s, VkDescriptorSet(VK_NULL_HANDLE));
-      EXPECT_EQ(allocator.live.size(), before);
-      // The pool is whole again.
+  for (const VkDescriptorPoolCreateFlags poolFlags : {0, int(VK_DESCRIPTOR_POOL_CREATE_FREE_DESCRIPTOR_SET_BIT)}) {
+    bool commandsDone = false, setsDone = false;
+    for (long n = 0; n < 50 && !(commandsDone && setsDone); n++) {
+      CountingAllocator allocator;
+      VkCommandPoolCreateInfo commandPoolInfo{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO, nullptr, 0, 0};
+      VkCommandPool commandPool = VK_NULL_HANDLE;
+      ASSERT_EQ(VK(vkCreateCommandPool)(device.handle, &commandPoolInfo, &allocator.callbacks, &commandPool),
+                VK_SUCCESS);
+      VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 6};
+      VkDescriptorPoolCreateInfo poolInfo{
+          VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, poolFlags, 3, 1, &size};
+      VkDescriptorPool pool = VK_NULL_HANDLE;
+      ASSERT_EQ(VK(vkCreateDescriptorPool)(device.handle, &poolInfo, &allocator.callbacks, &pool), VK_SUCCESS);
+      size_t before = allocator.live.size();
+      allocator.left = n;
+      VkCommandBuffer commands[3];
+      VkCommandBufferAllocateInfo commandInfo{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO, nullptr,
+                                              commandPool, VK_COMMAND_BUFFER_LEVEL_PRIMARY, 3};
+      VkResult result = VK(vkAllocateCommandBuffers)(device.handle, &commandInfo, commands);
+      commandsDone = result == VK_SUCCESS;
+      if (!commandsDone) {
+        EXPECT_EQ(result, VK_ERROR_OUT_OF_HOST_MEMORY);
+        for (VkCommandBuffer c : commands) EXPECT_EQ(c, VkCommandBuffer(VK_NULL_HANDLE));
+        EXPECT_EQ(allocator.live.size(), before);
+      }
+      allocator.left = n;
+      before = allocator.live.size();
+      VkDescriptorSet sets[3];
+      VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 3,
+                                           layouts};
+      result = VK(vkAllocateDescriptorSets)(device.handle, &allocate, sets);
+      setsDone = result == VK_SUCCESS;
+      if (!setsDone) {
+        EXPECT_EQ(result, VK_ERROR_OUT_OF_HOST_MEMORY);
+        for (VkDescriptorSet s : sets) EXPECT_EQ(s, VkDescriptorSet(VK_NULL_HANDLE));
+        EXPECT_EQ(allocator.live.size(), before);
+        // The pool is whole again.
+        allocator.left = -1;
+        EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, sets), VK_SUCCESS);
+      }
       allocator.left = -1;
+      VkDescriptorSet more = VK_NULL_HANDLE;
+      allocate.descriptorSetCount = 1;
+      EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, &more), VK_ERROR_OUT_OF_POOL_MEMORY);
+      EXPECT_EQ(VK(vkResetDescriptorPool)(device.handle, pool, 0), VK_SUCCESS);
+      const VkDescriptorSetLayout four[4] = {setLayout, setLayout, setLayout, setLayout};
+      VkDescriptorSetAllocateInfo tooMany{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 4, four};
+      VkDescriptorSet none[4];
+      EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &tooMany, none), VK_ERROR_OUT_OF_POOL_MEMORY);
+      allocate.descriptorSetCount = 3;   // nothing was taken by what failed
       EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, sets), VK_SUCCESS);
+      VK(vkDestroyDescriptorPool)(device.handle, pool, &allocator.callbacks);
+      VK(vkDestroyCommandPool)(device.handle, commandPool, &allocator.callbacks);
+      EXPECT_TRUE(allocator.live.empty()) << allocator.live.size();
     }
-    allocator.left = -1;
-    VkDescriptorSet more = VK_NULL_HANDLE;
-    allocate.descriptorSetCount = 1;
-    EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, &more), VK_ERROR_OUT_OF_POOL_MEMORY);
-    EXPECT_EQ(VK(vkResetDescriptorPool)(device.handle, pool, 0), VK_SUCCESS);
-    EXPECT_EQ(VK(vkAllocateDescriptorSets)(device.handle, &allocate, &more), VK_SUCCESS);
-    VK(vkDestroyDescriptorPool)(device.handle, pool, &allocator.callbacks);
-    VK(vkDestroyCommandPool)(device.handle, commandPool, &allocator.callbacks);
-    EXPECT_TRUE(allocator.live.empty()) << allocator.live.size();
+    EXPECT_TRUE(commandsDone && setsDone);
   }
-  EXPECT_TRUE(commandsDone && setsDone);
   VK(vkDestroyDescriptorSetLayout)(device.handle, setLayout, nullptr);
 }
 

@@ -57,7 +57,7 @@ struct Textured {
     b.type = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
     b.count = 2;
     b.stride = texture::descriptorStride(b.type);
-    layout->sets[0].bindings[0] = b;
+    layout->sets[0].bindings.set(0, b);
     layout->sets[0].size = sizeof set;
     layout->dynamicBase = {0};
   }
@@ -111,7 +111,7 @@ TEST(Descriptors, DiscardedPixelsStoreNothing) {
   b.type = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
   b.count = 1;
   b.stride = texture::descriptorStride(b.type);
-  layout->sets[0].bindings[0] = b;
+  layout->sets[0].bindings.set(0, b);
   layout->sets[0].size = 32;
   layout->dynamicBase = {0};
   std::vector<uint32_t> counts(32 * 32);

@@ -19,7 +19,7 @@ struct Compute {
     b.type = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
     b.count = 1;
     b.stride = texture::descriptorStride(b.type);
-    layout->sets[0].bindings[0] = b;
+    layout->sets[0].bindings.set(0, b);
     layout->sets[0].size = 32;
     layout->dynamicBase = {0};
     auto p = createComputePipeline(layout, compile(frontend::Stage::Compute, glsl), numerics);

@@ -165,7 +165,7 @@ TEST(OneColor, InputAttachmentsOfThePassSeeAllSamples) {
     b.count = 1;
     b.stride = texture::descriptorStride(b.type);
     layout->sets.resize(1);
-    layout->sets[0].bindings[0] = b;
+    layout->sets[0].bindings.set(0, b);
     layout->sets[0].size = b.stride;
     layout->dynamicBase = {0};
     texture::ImageDescriptor view;

@@ -149,7 +149,7 @@ TEST(Vertex, UniformAndPushConstantsReachBothStages) {
   uniform.count = 1;
   uniform.offset = 64;
   uniform.stride = texture::descriptorStride(uniform.type);
-  layout->sets[1].bindings[3] = uniform;
+  layout->sets[1].bindings.set(3, uniform);
   layout->sets[1].size = 128;
   layout->sets[1].dynamicCount = 1;
   layout->dynamicBase = {0, 0};
