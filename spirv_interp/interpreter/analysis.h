@@ -1,6 +1,7 @@
 // What the lowering must know about values before it emits code.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "spirv_interp/ir/ir.h"
@@ -17,6 +18,8 @@ enum class NanBits : uint8_t {
 };
 
 struct Analysis {
+  std::array<bool, size_t(ir::Op::kCount)> present{};   //!< by operation: the function has some
+  std::vector<ir::Value> structure;  //!< in order: control flow, variables, what reads and sets them
   std::vector<uint8_t> needed;       //!< has an effect or a needed user
   std::vector<uint8_t> uniform;      //!< computed in the preamble (or constant)
   std::vector<NanBits> nan;          //!< of the value; of a var: of all that is stored in it

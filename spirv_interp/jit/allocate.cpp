@@ -28,7 +28,6 @@ class Allocator {
     for (uint32_t r = uint32_t(p_.vregs.size()); r-- > 0;) {
       Vreg& v = p_.vregs[r];
       std::memset(v.reg, -1, sizeof v.reg);
-      std::memset(v.slot, -1, sizeof v.slot);
       if (v.unused) continue;
       if (v.uniform) v.weight *= float(p_.unroll);   // each use is a load for each part
       v.weight /= float(v.end - v.start + 1);
@@ -37,20 +36,14 @@ class Allocator {
     }
     for (uint32_t at = 0; at < n; at++) {
       for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r]) place(r, at);
-      for (; fresh_; fresh_ &= fresh_ - 1) weight_[std::countr_zero(fresh_)] = held_[std::countr_zero(fresh_)].weight;
-      for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r]) release(r);
+      for (; fresh_; fresh_ &= fresh_ - 1) weight_[std::countr_zero(fresh_)] = p_.vregs[holder_[std::countr_zero(fresh_)]].weight;
+      for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r]) free_ |= std::exchange(p_.vregs[r].held, 0);
     }
     if (inFrame_) giveSlots();
   }
 
  private:
   static constexpr uint32_t kMaxEnding = 8;
-  struct Holder {
-    uint32_t vreg = kNone;
-    uint32_t part = 0;
-    float weight = 0;
-  };
-
   //! The register whose holder has the least weight, if that is below `limit`, else -1. All registers are taken.
   int lightestBelow(float limit) const {
     __m128 least = _mm_set1_ps(limit);
@@ -71,45 +64,58 @@ class Allocator {
     }
     const uint32_t parts = p_.parts(v);
     // An operand that ends here leaves its registers to the result.
-    uint32_t ending[kMaxEnding], endings = 0;
-    if (at && at < p_.f->insts.size() && !crossesParts(*p_.f, at))
+    Vreg* ending[kMaxEnding];
+    uint32_t endings = 0;
+    if (at && at < p_.f->insts.size() && ends_[at] != kNone)
       for (Value o : p_.f->operands(at)) {
         if (!p_.inRegister(o) || endings == kMaxEnding) continue;
-        const uint32_t from = p_.vregOf[o];
-        const Vreg& operand = p_.vregs[from];
-        if (from == id || operand.end != at || operand.start == at || operand.wide != v.wide || operand.flat != v.flat) continue;
-        ending[endings++] = from;
+        Vreg& operand = p_.vregs[p_.vregOf[o]];
+        if (&operand == &v || operand.end != at || operand.start == at || operand.wide != v.wide || operand.flat != v.flat) continue;
+        ending[endings++] = &operand;
       }
+    if (endings && crossesParts(*p_.f, at)) endings = 0;
+    // Those of one instruction do not take each other's place. (Parts of one thing have the same weight: they do not either.)
+    const bool shared = at && (starts_[at] != id || nextStart_[id] != kNone);
+    const float weight = shared ? kNever : v.weight;
     for (uint32_t part = 0; part < parts; part++) {
       int reg = -1;
-      for (uint32_t k = 0; k < endings && reg < 0; k++) {
-        const int r = p_.vregs[ending[k]].reg[part];
-        if (r >= 0 && held_[r].vreg == ending[k] && held_[r].part == part) reg = r;
+      for (uint32_t k = 0; k < endings; k++) {
+        Vreg& operand = *ending[k];
+        const int r = operand.reg[part];
+        if (r < 0 || !(operand.held >> r & 1)) continue;
+        operand.held &= ~(1u << r);
+        reg = r;
+        break;
       }
-      if (reg < 0 && free_) reg = p_.upperFirst ? 31 - std::countl_zero(free_) : std::countr_zero(free_);
+      if (reg < 0 && free_) {
+        reg = p_.upperFirst ? 31 - std::countl_zero(free_) : std::countr_zero(free_);
+        free_ &= ~(1u << reg);
+        p_.used |= 1u << reg;
+      }
       if (reg < 0) {
         const int lightest = lightestBelow(v.weight);
         inFrame_ |= !v.uniform;
         if (lightest < 0) continue;
         inFrame_ = true;
-        p_.vregs[held_[lightest].vreg].reg[held_[lightest].part] = -1;
         reg = lightest;
+        Vreg& out = p_.vregs[holder_[reg]];
+        out.held &= ~(1u << reg);
+        for (int8_t& r : out.reg) r = r == reg ? int8_t(-1) : r;
       }
-      free_ &= ~(1u << reg);
-      p_.used |= 1u << reg;
-      held_[reg] = {id, part, v.weight};
-      // Those of one instruction do not take each other's place.
-      weight_[reg] = at ? kNever : v.weight;
-      if (at) fresh_ |= 1u << reg;
+      holder_[reg] = id;
+      weight_[reg] = weight;
+      if (shared) fresh_ |= 1u << reg;
+      v.held |= 1u << reg;
       v.reg[part] = int8_t(reg);
     }
   }
-  void release(uint32_t id) {
-    const Vreg& v = p_.vregs[id];
-    for (uint32_t part = 0, parts = p_.parts(v); part < parts; part++) {
-      const int r = v.reg[part];
-      if (r >= 0 && held_[r].vreg == id && held_[r].part == part) free_ |= 1u << r;
-    }
+
+  //! All of its parts.
+  bool inRegisters(const Vreg& v) const {
+    uint64_t reg;
+    static_assert(sizeof reg == sizeof v.reg);
+    std::memcpy(&reg, v.reg, sizeof reg);
+    return !(reg << (64 - 8 * p_.parts(v)) & 0x8080808080808080u);
   }
 
   //! Places in the frame, for what ended up without a register.
@@ -118,7 +124,8 @@ class Allocator {
     for (uint32_t at = 0; at < starts_.size(); at++) {
       for (uint32_t r = starts_[at]; r != kNone; r = nextStart_[r]) {
         Vreg& v = p_.vregs[r];
-        if (v.uniform) continue;
+        std::memset(v.slot, -1, sizeof v.slot);
+        if (v.uniform || inRegisters(v)) continue;
         for (uint32_t part = 0, parts = p_.parts(v); part < parts; part++) {
           if (v.reg[part] >= 0) continue;
           if (unused.empty()) unused.push_back(p_.frameSlots++);
@@ -128,6 +135,7 @@ class Allocator {
       }
       for (uint32_t r = ends_[at]; r != kNone; r = nextEnd_[r]) {
         const Vreg& v = p_.vregs[r];
+        if (inRegisters(v)) continue;
         for (uint32_t part = 0, parts = p_.parts(v); part < parts; part++)
           if (v.slot[part] != kNone) unused.push_back(v.slot[part]);
       }
@@ -136,7 +144,7 @@ class Allocator {
 
   Plan& p_;
   std::vector<uint32_t> starts_, ends_, nextStart_, nextEnd_;
-  Holder held_[kMaxRegisters];
+  uint32_t holder_[kMaxRegisters] = {};   //!< by register that is not free: its Vreg
   //! By register, of its holder. kNever: not to be had (again).
   alignas(16) float weight_[kMaxRegisters];
   static constexpr float kNever = HUGE_VALF;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "spirv_interp/ir/one_record.h"
@@ -29,13 +30,12 @@ class Planner {
   void look() {
     const size_t n = f_.insts.size();
     p_.f = &f_;
-    for (const Inst& i : f_.insts) p_.present[size_t(i.op)] = true;
+    p_.a = interp::analyse(f_);
     if (p_.has(Op::Atomic) || p_.has(Op::AtomicCas) || p_.has(Op::SharedAtomic) || p_.has(Op::SharedAtomicCas)) p_.taken = ir::takenValues(f_);
-    for (Value v = 1; v < n; v++)
+    for (Value v = 1; v < n && (!p_.taken.empty() || p_.has(Op::Load) || p_.has(Op::SharedLoad)); v++)
       p_.mayWait |= ir::looksAtOthers(f_.insts[v]) && (!ir::isAtomic(f_.insts[v].op) || p_.taken[v]);
     p_.suspends = p_.mayWait || p_.has(Op::Barrier);
     p_.wholeBlocks &= !p_.suspends && !p_.has(Op::LocalAlloc);
-    p_.a = interp::analyse(f_);
     p_.regionOf.assign(n, kNone);
     home_.assign(n, kNone);
     p_.flat.assign(n, 0);
@@ -69,12 +69,13 @@ class Planner {
     p_.regions.push_back({});
     p_.regions[0].end = Value(f_.insts.size());
     std::vector<uint32_t> open{0};
-    loopOf_.assign(f_.insts.size(), 0);
+    if (p_.has(Op::Loop)) loopOf_.assign(f_.insts.size(), 0);
     uint32_t loop = 0;
-    for (Value v = 1; v < f_.insts.size(); v++) {
+    Value before = 0;
+    for (Value v : p_.a.structure) {
       const Inst& i = f_.insts[v];
-      if (loop) loopOf_[v] = loop;   // of a loop's own markers: the loop around it
-      if (!(ir::opInfo(i.op).flags & ir::kControl) && i.op != Op::VarSet) continue;
+      if (loop) std::fill(loopOf_.begin() + before + 1, loopOf_.begin() + v + 1, loop);   // of a loop's own markers: the loop around it
+      before = v;
       if (i.op == Op::Loop) loop = uint32_t(p_.regions.size());
       if (i.op == Op::EndLoop) loop = loopOf_[v] = loopOf_[p_.regions[loop].begin];
       if (closes(i.op)) {
@@ -111,9 +112,17 @@ class Planner {
   //! Last uses with those that loops repeat, and the next set of each variable.
   void findUses() {
     if (!p_.has(Op::VarSet)) return;
-    lastUse_.assign(f_.insts.size(), 0);
     nextSet_.assign(f_.insts.size(), 0);
     std::vector<Value> set(f_.insts.size(), 0);
+    bool twice = false;
+    for (size_t k = p_.a.structure.size(); k-- > 0;) {
+      const Value v = p_.a.structure[k];
+      if (f_.insts[v].op != Op::VarSet || !p_.a.needed[v]) continue;
+      nextSet_[v] = std::exchange(set[f_.operands(v)[0]], v);
+      twice |= nextSet_[v] != 0;
+    }
+    if (!twice) return;   // nobody asks
+    lastUse_.assign(f_.insts.size(), 0);
     const bool loops = p_.has(Op::Loop);
     const auto extended = [&](Value def, Value at) {
       Value until = at;
@@ -132,7 +141,6 @@ class Planner {
         if (!loops) lastUse_[o] = std::max(lastUse_[o], at);
         else lastUse_[o] = std::max({lastUse_[o], extended(o, v), at});
       }
-      if (i.op == Op::VarSet) nextSet_[v] = std::exchange(set[f_.operands(v)[0]], v);
     }
   }
 
@@ -160,7 +168,9 @@ class Planner {
     std::vector<uint8_t>& flat = p_.flat;
     std::vector<uint8_t> flatVar(f_.insts.size(), 1);
     for (unsigned round = 0;; round++) {
-      for (Value v = 1; v < f_.insts.size(); v++) flat[v] = isFlat(v, flatVar);
+      // With fewer variables there are not more values.
+      for (Value v = 1; v < f_.insts.size(); v++)
+        if (!round || flat[v]) flat[v] = isFlat(v, flatVar);
       for (uint32_t r = 1; r < p_.regions.size(); r++) {
         Region& region = p_.regions[r];
         const Value begin = p_.regions[then_[r] != kNone ? then_[r] : r].begin;
@@ -327,7 +337,7 @@ class Planner {
     lost_.assign(p_.regions.size(), 0);
     p_.regions[0].mask = newVreg(0);
     useReg(p_.regions[0].mask, 0);
-    for (Value v = 1; v < f_.insts.size(); v++)
+    for (Value v : p_.a.structure)
       if (f_.insts[v].op == Op::Var && p_.a.needed[v] && !p_.a.setFirst[v]) {
         p_.vregOf[v] = newVreg(0, ir::typeBytes(f_.type(v)) == 8);
         p_.vregs.back().flat = p_.flat[v];
@@ -350,7 +360,22 @@ class Planner {
     }
   }
 
+  //! Operations that define a value from their operands, and nothing else is to be said of them.
+  static constexpr auto kPlain = [] {
+    std::array<bool, size_t(Op::kCount)> table{};
+    for (size_t op = 0; op < table.size(); op++) {
+      const ir::OpInfo& info = ir::kOps[op];
+      table[op] = (info.flags & ir::kPure) && !(info.flags & ir::kRead) && info.operands != ir::OperandRule::Free && Op(op) != Op::FNeg &&
+                  Op(op) != Op::LShr && Op(op) != Op::Trunc && Op(op) != Op::BitCast;
+    }
+    return table;
+  }();
+
   void instruction(Value v) {
+    if (kPlain[size_t(f_.insts[v].op)]) {
+      for (Value operand : f_.operands(v)) use(operand, v);
+      return define(v);
+    }
     if (p_.pairSecond[v]) return;
     if (p_.wordsOf[v]) return words(v, p_.words[p_.wordsOf[v] - 1]);
     if (const Value first = p_.pairFirst[v]) {

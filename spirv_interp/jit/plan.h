@@ -2,7 +2,6 @@
 // are called, which variables may be set without a mask.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "spirv_interp/interpreter/analysis.h"
@@ -34,6 +33,7 @@ struct Vreg {
   bool unused = false;           //!< another Vreg took its place
   bool ahead = false;            //!< written once a row: has a slot for all its life, and no register
   int8_t reg[kMaxParts];         //!< -1: in the frame
+  uint32_t held = 0;             //!< the allocator's: registers it has now, a bit each
   uint32_t slot[kMaxParts];      //!< index of its vector in the frame
 };
 
@@ -66,7 +66,6 @@ struct Words {
 
 struct Plan {
   const ir::Function* f = nullptr;
-  std::array<bool, size_t(ir::Op::kCount)> present{};   //!< by operation: the function has some
   interp::Analysis a;
   uint32_t unroll = 1;           //!< vector registers of a 32-bit value
   std::vector<Vreg> vregs;
@@ -104,7 +103,7 @@ struct Plan {
   uint32_t used = 0;             //!< had by something
   uint32_t frameSlots = 0;       //!< vectors of the frame
 
-  bool has(ir::Op op) const { return present[size_t(op)]; }
+  bool has(ir::Op op) const { return a.present[size_t(op)]; }
   ir::Value madeAt(ir::Value v) const { return footprint.empty() || !footprint[v] ? v : footprint[v]; }
   bool inRegister(ir::Value v) const { return !a.uniform[v] && vregOf[v] != kNone; }
   uint32_t parts(const Vreg& r) const { return r.flat ? 1 : r.wide ? unroll * 2 : unroll; }

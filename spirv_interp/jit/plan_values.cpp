@@ -2,6 +2,7 @@
 // is, that two loads look at neighbours.
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 #include "spirv_interp/ir/one_record.h"
 #include "spirv_interp/ir/fold.h"
@@ -44,15 +45,16 @@ void findSignless(Plan& p) {
   for (Value v = Value(f.insts.size()); v-- > 1;) {
     if (!p.a.needed[v]) continue;
     const Inst& i = f.insts[v];
-    const auto o = f.operands(v);
+    if (i.op == Op::FToS || i.op == Op::FToU || ir::opInfo(i.op).operands == ir::OperandRule::CmpF || (i.op == Op::QuadSwizzle && p.signless[v])) continue;
+    const auto o = f.operands(i);
+    if (i.op != Op::FMin && i.op != Op::FMax) {
+      for (Value x : o) p.signless[x] = 0;
+      continue;
+    }
     for (size_t k = 0; k < o.size(); k++) {
-      bool blind = i.op == Op::FToS || i.op == Op::FToU || ir::opInfo(i.op).operands == ir::OperandRule::CmpF;
-      if (i.op == Op::FMin || i.op == Op::FMax) {
-        const Inst& other = f.insts[o[1 - k]];
-        const bool negative = other.imm >> (8 * ir::typeBytes(i.type) - 1) & 1;
-        blind = p.signless[v] || (other.op == Op::Const && negative == (i.op == Op::FMin));
-      }
-      if (i.op == Op::QuadSwizzle) blind = p.signless[v];
+      const Inst& other = f.insts[o[1 - k]];
+      const bool negative = other.imm >> (8 * ir::typeBytes(i.type) - 1) & 1;
+      const bool blind = p.signless[v] || (other.op == Op::Const && negative == (i.op == Op::FMin));
       if (!blind) p.signless[o[k]] = 0;
     }
   }
@@ -73,8 +75,11 @@ void settleBounded(Plan& p) {
     bool number = false;   // no NaN
     bool finite() const { return number && low > -1e30 && high < 1e30; }
   };
-  std::vector<Bounds> bounds(f.insts.size());
+  // Most values have none: then `bounded` says so, and nobody looks at `bounds`.
+  const std::unique_ptr<Bounds[]> bounds = std::make_unique_for_overwrite<Bounds[]>(f.insts.size());
+  std::vector<uint8_t> bounded(f.insts.size(), 0);
   std::vector<uint32_t> most(f.insts.size(), ~0u);   // of unsigned numbers
+  static constexpr Bounds kNone;
   for (Value v = 1; v < f.insts.size(); v++) {
     const Inst& i = f.insts[v];
     const auto o = f.operands(v);
@@ -88,7 +93,7 @@ void settleBounded(Plan& p) {
         case Op::QuadSwizzle: most[v] = most[o[0]]; break;
         case Op::FToS: {
           constexpr double kRange = 2147483000;
-          const Bounds& x = bounds[o[0]];
+          const Bounds& x = bounded[o[0]] ? bounds[o[0]] : kNone;
           p.fitsInt[v] = f.type(o[0]) == Type::F32 && x.number && x.low > -kRange && x.high < kRange;
           break;
         }
@@ -96,8 +101,33 @@ void settleBounded(Plan& p) {
       }
     }
     if (i.type != Type::F32) continue;
-    Bounds& r = bounds[v];
-    const auto b = [&](size_t k) -> const Bounds& { return bounds[o[k]]; };
+    switch (i.op) {
+      case Op::FAdd:
+      case Op::FMul:
+        if (!(bounded[o[0]] & bounded[o[1]])) continue;
+        break;
+      case Op::FMin:
+      case Op::FMax:
+        if (!(bounded[o[0]] | bounded[o[1]])) continue;
+        break;
+      case Op::QuadSwizzle:
+      case Op::FFloor:
+      case Op::FCeil:
+      case Op::FTrunc:
+      case Op::FRoundEven:
+      case Op::FNeg:
+        if (!bounded[o[0]]) continue;
+        break;
+      case Op::Const:
+      case Op::SToF:
+      case Op::UToF:
+      case Op::FSub:
+      case Op::Fma:
+      case Op::FilterBytes: break;
+      default: continue;
+    }
+    Bounds r;
+    const auto b = [&](size_t k) -> const Bounds& { return bounded[o[k]] ? bounds[o[k]] : kNone; };
     const auto sum = [](const Bounds& x, const Bounds& y) { return Bounds{x.low + y.low, x.high + y.high, true}; };
     const auto product = [](const Bounds& x, const Bounds& y) {
       const double p[] = {x.low * y.low, x.low * y.high, x.high * y.low, x.high * y.high};
@@ -169,6 +199,8 @@ void settleBounded(Plan& p) {
       r.low -= std::abs(r.low) * 1e-6 + 1e-30;
       r.high += std::abs(r.high) * 1e-6 + 1e-30;
     }
+    bounds[v] = r;
+    bounded[v] = r.number || r.low > kNone.low || r.high < kNone.high;
     p.number[v] = r.number;
     if (r.number && p.a.nan[v] == interp::NanBits::Arithmetic) p.a.nan[v] = interp::NanBits::Settled;
   }
@@ -180,12 +212,6 @@ void findFolded(Plan& p) {
   p.folded.assign(f.insts.size(), 0);
   if (!p.has(Op::FNeg) && !p.has(Op::LShr) && !(p.has(Op::BitCast) && p.has(Op::Trunc))) return;
   std::vector<uint8_t>& folded = p.folded;
-  for (Value v = 1; v < f.insts.size(); v++) {
-    const Inst& i = f.insts[v];
-    if (i.op != Op::FNeg || !p.a.needed[v] || p.a.uniform[v] || i.type == Type::F16) continue;
-    const Op of = f.insts[f.operands(v)[0]].op;   // what stands for a variable may change before the fma
-    folded[v] = of != Op::VarGet && of != Op::BitCast;
-  }
   // Upper words, and halves of words that are made floats: shuffles take them from where they are.
   const auto varies = [&](Value v) { return p.a.needed[v] && !p.a.uniform[v] && !p.flat[v]; };
   const auto stays = [&](Value v) { return varies(v) && f.insts[v].op != Op::VarGet && f.insts[v].op != Op::BitCast; };
@@ -194,17 +220,24 @@ void findFolded(Plan& p) {
     const Inst& count = f.insts[f.operands(v)[1]];
     return count.op == Op::Const && count.imm == bits && varies(v) && stays(f.operands(v)[0]);
   };
+  bool any = false;
   for (Value v = 1; v < f.insts.size(); v++) {
     const Inst& i = f.insts[v];
-    if (i.op == Op::LShr && i.type == Type::I64) folded[v] = shiftsBy(v, 32);
+    if (i.op == Op::FNeg) {
+      if (!p.a.needed[v] || p.a.uniform[v] || i.type == Type::F16) continue;
+      const Op of = f.insts[f.operands(v)[0]].op;   // what stands for a variable may change before the fma
+      any |= folded[v] = of != Op::VarGet && of != Op::BitCast;
+    }
+    if (i.op == Op::LShr && i.type == Type::I64) any |= folded[v] = shiftsBy(v, 32);
     if (i.op != Op::BitCast || i.type != Type::F16 || !varies(v)) continue;
     const Value trunc = f.operands(v)[0];
     if (f.insts[trunc].op != Op::Trunc || !varies(trunc)) continue;
     const Value word = f.operands(trunc)[0];
     if (f.type(word) != Type::I32 || !stays(word)) continue;
-    folded[v] = folded[trunc] = 1;
+    any = folded[v] = folded[trunc] = 1;
     folded[word] |= shiftsBy(word, 16);
   }
+  if (!any) return;
   const auto takes = [&](Value v, Value o) {
     const Inst& i = f.insts[v];
     if (p.a.uniform[v]) return false;
