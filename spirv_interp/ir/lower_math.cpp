@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "spirv_interp/ir/fold.h"
+#include "spirv_interp/ir/one_record.h"
 #include "spirv_interp/ir/pass_list.h"
 #include "spirv_interp/ir/passes.h"
 
@@ -53,6 +55,33 @@ Value lowerFilter(Builder& b, Op op, std::span<const Value> o, uint32_t componen
     rows[r] = lerp(left, texel(o[2 + r], o[5]), o[6]);
   }
   return lerp(rows[0], rows[1], o[7]);
+}
+
+Limits limitsOf(const Function& f, Value x, unsigned depth) {
+  const Inst& i = f.insts[x];
+  const auto o = f.operands(x);
+  const auto of = [&](size_t k) { return depth ? limitsOf(f, o[k], depth - 1) : Limits(); };
+  switch (i.op) {
+    case Op::Const: {
+      const double c = floatValue(i.type, i.imm);
+      return c == c ? Limits{c, c, true} : Limits();
+    }
+    case Op::FToF:
+      return typeBytes(i.type) > typeBytes(f.type(o[0])) ? of(0) : Limits();
+    case Op::FAbs:
+      return {0, HUGE_VAL, of(0).number};
+    // A NaN gives the other operand.
+    case Op::FMin:
+    case Op::FMax: {
+      const Limits x = of(0), y = of(1);
+      if (!x.number && !y.number) return {};
+      if (i.op == Op::FMin)
+        return {std::min(x.low, y.low), x.number && y.number ? std::min(x.high, y.high) : x.number ? x.high : y.high, true};
+      return {x.number && y.number ? std::max(x.low, y.low) : x.number ? x.low : y.low, std::max(x.high, y.high), true};
+    }
+    default:
+      return isPlaneInUnit(f, x) ? Limits{0, 1, true} : Limits();
+  }
 }
 
 void lowerMath(Function& f, Numerics numerics, bool keepFilters) {

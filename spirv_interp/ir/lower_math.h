@@ -5,6 +5,8 @@
 // MPFR in tests/ir/lower_math_*_test.cpp and, for the report, by bench/ulp.
 #pragma once
 
+#include <cmath>
+
 #include "spirv_interp/ir/builder.h"
 
 namespace pumice::ir {
@@ -24,6 +26,13 @@ struct AngleCache {
 Value lowerF32(Builder& b, Op op, std::span<const Value> operands, bool uniform, AngleCache& cache);
 //! At least 2^-45 relative accuracy (2^-49 measured), pow included.
 Value lowerF64(Builder& b, Op op, std::span<const Value> operands, bool uniform, AngleCache& cache);
+
+//! What the operations around a float value say of it: a number (no NaN) or not, and where it lies if it is one.
+struct Limits {
+  double low = -HUGE_VAL, high = HUGE_VAL;
+  bool number = false;
+};
+Limits limitsOf(const Function& f, Value x, unsigned depth = 4);
 
 //! FilterHalves and FilterBytes in plain operations; the components of one footprint share their loads.
 Value lowerFilter(Builder& b, Op op, std::span<const Value> operands, uint32_t component);

@@ -7,10 +7,13 @@
 // are multiplied by as many bits of 2/pi as they need (M. Payne, R. Hanek, SIGNUM 18, 1983).
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 
+#include "spirv_interp/ir/fold.h"
 #include "spirv_interp/ir/lower_math.h"
 
 namespace pumice::ir {
@@ -118,6 +121,57 @@ class MathOf {
   // exp2(y * log2(x)) with the logarithm and the product in two floats each, since the product's absolute
   // error becomes the result's relative error.
   Value pow(Value x, Value y) {
+    uint64_t bits = 0;
+    if (b_.isConstant(y, &bits)) {
+      const double exponent = floatValue(N::kFloat, bits), size = std::abs(exponent);
+      if (size >= 0x1p-20 && size <= 64) return power(x, y, exponent);
+    }
+    const Pair log = twoFloatLog2(x);
+    const Value l = logSpecials(x, log.high);
+
+    const Value product = b_.fmul(y, l);
+    const Value productLow = b_.fma(y, log.low, b_.fma(y, l, b_.fneg(product)));
+    const Value clamped = clamp(product, N::kPowLowest, N::kPowHighest);
+    const Value n = roundEven(clamped);
+    const Value low = b_.select(b_.feq(clamped, product), productLow, c(0));
+    const Value r = b_.fadd(b_.fsub(clamped, n), low);
+    const Value result = keepNan(product, scale(b_.fma(r, polynomial(N::kExp2, r), c(1)), n));
+    // x^0 = 1 also for x = 0 and infinity, and 1^y = 1 also for infinite y, where the product above is NaN.
+    const Value one = b_.maskOr(b_.feq(x, c(1)), b_.maskAnd(b_.feq(y, c(0)), b_.fle(c(0), x)));
+    return b_.select(one, c(1), result);
+  }
+  // The same bits for a constant exponent that is neither tiny nor huge: the product is finite whatever x is, so that what
+  // x must be tested for can wait until the end, and 1^y comes out as 1. Where the product is clamped the result is 0 or
+  // infinite, whatever the product's low part.
+  Value power(Value x, Value y, double exponent) {
+    const Limits known = limitsOf(b_.function(), x);
+    const Pair log = twoFloatLog2(x);
+    const Value product = b_.fmul(y, log.high);
+    const Value productLow = b_.fma(y, log.low, b_.fma(y, log.high, b_.fneg(product)));
+    const double leastLog = -double(N::kBias + N::kMantissa), mostLog = known.high <= 1 ? 0 : N::kBias + 1;
+    const double least = std::min(exponent * leastLog, exponent * mostLog) - 1,
+                 most = std::max(exponent * leastLog, exponent * mostLog) + 1;
+    Value clamped = product;
+    if (least < N::kPowLowest) clamped = b_.fmax(clamped, c(N::kPowLowest));
+    if (most > N::kPowHighest) clamped = b_.fmin(clamped, c(N::kPowHighest));
+    const Value n = roundEven(clamped), r = b_.fadd(b_.fsub(clamped, n), productLow);
+    const Value p = b_.fma(r, polynomial(N::kExp2, r), c(1));
+    // Numbers that are not denormal need one step.
+    const bool oneStep = known.number && known.low >= 0 && least > 3 - double(N::kBias) && most < double(N::kBias);
+    const Value result = oneStep ? b_.fmul(p, powerOfTwo(b_.convert(Op::FToS, N::kInt, n))) : scale(p, n);
+    const Value ofZero = c(exponent > 0 ? 0 : kInf), ofInfinity = c(exponent > 0 ? kInf : 0);
+    const auto isInfinite = [&] { return b_.feq(x, c(kInf)); };
+    if (!known.number || known.low < 0) {
+      const Value ordinary = b_.maskAnd(b_.flt(c(0), x), b_.flt(x, c(kInf)));
+      const Value positive = b_.select(isInfinite(), ofInfinity, c(kNan));
+      return b_.select(ordinary, result, b_.select(b_.feq(x, c(0)), ofZero, positive));
+    }
+    const Value finite = known.high < HUGE_VAL ? result : b_.select(isInfinite(), ofInfinity, result);
+    return known.low > 0 ? finite : b_.select(b_.flt(c(0), x), finite, ofZero);
+  }
+
+  // log2(x) in two floats, for positive finite x; some finite number for all others.
+  Pair twoFloatLog2(Value x) {
     const Split s = split(x);
     const Value f = s.fraction;
     // log2(1 + f) = 2/ln2 * atanh(f / (2 + f)), the quotient in two floats
@@ -138,20 +192,8 @@ class MathOf {
     }
     const Value sum = b_.fadd(s.exponent, fractionLog);
     const Value sumLow = b_.fadd(b_.fadd(b_.fsub(s.exponent, sum), fractionLog), tLow);
-    Value l = b_.fadd(sum, sumLow);
-    const Value lLow = b_.fsub(sumLow, b_.fsub(l, sum));
-    l = logSpecials(x, l);
-
-    const Value product = b_.fmul(y, l);
-    const Value productLow = b_.fma(y, lLow, b_.fma(y, l, b_.fneg(product)));
-    const Value clamped = clamp(product, N::kPowLowest, N::kPowHighest);
-    const Value n = roundEven(clamped);
-    const Value low = b_.select(b_.feq(clamped, product), productLow, c(0));
-    const Value r = b_.fadd(b_.fsub(clamped, n), low);
-    const Value result = keepNan(product, scale(b_.fma(r, polynomial(N::kExp2, r), c(1)), n));
-    // x^0 = 1 also for x = 0 and infinity, and 1^y = 1 also for infinite y, where the product above is NaN.
-    const Value one = b_.maskOr(b_.feq(x, c(1)), b_.maskAnd(b_.feq(y, c(0)), b_.fle(c(0), x)));
-    return b_.select(one, c(1), result);
+    const Value l = b_.fadd(sum, sumLow);
+    return {l, b_.fsub(sumLow, b_.fsub(l, sum))};
   }
 
   Value sin(Value x) {

@@ -153,6 +153,7 @@ void settleBounded(Plan& p) {
         break;
       }
       case Op::QuadSwizzle: r = b(0); break;
+      case Op::Select: r = {std::min(b(1).low, b(2).low), std::max(b(1).high, b(2).high), b(1).number && b(2).number}; break;
       case Op::FAdd:
         if (b(0).finite() && b(1).finite()) r = sum(b(0), b(1));
         break;

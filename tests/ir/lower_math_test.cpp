@@ -184,6 +184,49 @@ TEST(LowerMath, powersOverTheWholeRange) {
   std::printf("    fpow    worst error %.3f ulp\n", most);
 }
 
+// A constant exponent and what is known of x change which operations there are, but no bit.
+TEST(LowerMath, powersWithConstantExponents) {
+  const auto hold = [](Builder& b, Value x, int how) {
+    switch (how) {
+      case 1: return b.fmax(x, b.zero(b.type(x)));
+      case 2: return b.fmin(b.fmax(x, b.zero(b.type(x))), b.floatConstant(b.type(x), 1));
+      case 3: return b.fabs(x);
+      case 4: return b.fmin(b.fmax(b.floatConstant(b.type(x), 1e-3), x), b.floatConstant(b.type(x), 40));
+      default: return x;
+    }
+  };
+  std::vector<float> x = everywhere(200);
+  for (const std::vector<float>& more : {line(0, 1, 150), line(0, 3, 50), line(0, 1e-37, 30)}) x.insert(x.end(), more.begin(), more.end());
+  for (Type t : {Type::F32, Type::F64, Type::F16})
+    for (int how = 0; how < 5; ++how)
+      for (double exponent : {1 / 2.2, 2.2, 0.5, 2.0, 5.0, 16.0, 32.0, 64.0, 1 / 2.4, 1e-3, 0.75, 0.84, -0.5, -1.0, -2.4, -64.0, 0.0, 100.0, 1e-7}) {
+        Function constant, varying;
+        size_t operations[2];
+        for (Function* f : {&constant, &varying}) {
+          Builder b(*f);
+          const Value y = f == &constant ? b.floatConstant(t, exponent) : b.input(t, 1);
+          b.output(0, b.emit(Op::FPow, t, {hold(b, b.input(t, 0), how), y}));
+          lowerMath(*f, Numerics::F32);
+          ASSERT_EQ(verify(*f), "");
+          operations[f == &varying] = f->insts.size();
+        }
+        if (how == 2 && exponent == 2.0) {
+          EXPECT_LT(operations[0] + 12, operations[1]);
+        }
+        Evaluation a, v;
+        a.lanes = v.lanes = x.size();
+        for (float at : x) {
+          a.inputs[0].push_back(floatBits(t, t == Type::F64 ? double(at) * (std::fabs(at) < 1e-30f ? 1e-270 : 1) : at));
+          v.inputs[1].push_back(floatBits(t, exponent));
+        }
+        v.inputs[0] = a.inputs[0];
+        evaluate(constant, a);
+        evaluate(varying, v);
+        for (size_t k = 0; k < x.size(); ++k)
+          ASSERT_EQ(a.outputs[0][k], v.outputs[0][k]) << x[k] << " (" << how << ") ^ " << exponent << " as " << int(t);
+      }
+}
+
 TEST(LowerMath, powersOfTheExtremes) {
   EXPECT_EQ(one(Op::FPow, 0, 2), 0);
   EXPECT_EQ(one(Op::FPow, 0, -2), INFINITY);
