@@ -188,7 +188,15 @@ template <typename Key, typename Routine, typename Make>
 std::shared_ptr<const Routine> findOrMake(Variants<Key, Routine>& variants, const Key& key, const char* stage, base::ThreadPool* workers, Make&& make) {
   bool known = false;
   if (auto found = variants.find(key, known); known) return found && found->code.ready(workers) ? found : nullptr;
-  auto made = make();
+  if (const std::optional<Key> wide = variants.tableKey(key)) {
+    // One that cannot be made is not missed: the key's own routine is.
+    if (auto table = make(*wide); table) {
+      std::shared_ptr<const Routine> kept = std::move(table).value();
+      variants.insertTable(*wide, kept);
+      return kept->code.ready(workers) ? kept : nullptr;
+    }
+  }
+  auto made = make(key);
   if (!made) base::logError("%s routine: %s", stage, made.error().message.c_str());
   auto kept = variants.insert(key, made ? std::shared_ptr<const Routine>(std::move(made).value()) : nullptr);
   return kept && kept->code.ready(workers) ? kept : nullptr;
@@ -200,7 +208,7 @@ std::shared_ptr<const VertexRoutine> vertexRoutine(GraphicsPipeline& p, const Dr
   VertexKey key;
   key.numerics = p.state.numerics;
   key.images = p.vertexImages.read(*p.vertex, *p.layout, draw.setMemory, draw.setSize);
-  return findOrMake(p.vertexVariants, key, "vertex", p.workers, [&] { return buildVertexRoutine(p, key); });
+  return findOrMake(p.vertexVariants, key, "vertex", p.workers, [&](const VertexKey& k) { return buildVertexRoutine(p, k); });
 }
 
 std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, const DrawState& draw, bool countSamples, bool statistics, bool settled) {
@@ -210,7 +218,7 @@ std::shared_ptr<const FragmentRoutine> fragmentRoutine(GraphicsPipeline& p, cons
   key.countSamples = (countSamples || statistics) && !settled;
   key.statistics = statistics;
   if (p.fragment) key.images = p.fragmentImages.read(*p.fragment, *p.layout, draw.setMemory, draw.setSize);
-  return findOrMake(p.fragmentVariants, key, "fragment", p.workers, [&] { return buildFragmentRoutine(p, key); });
+  return findOrMake(p.fragmentVariants, key, "fragment", p.workers, [&](const FragmentKey& k) { return buildFragmentRoutine(p, k); });
 }
 
 const FragmentRoutine* FragmentRoutine::forRows(Rows kind) const {
@@ -237,7 +245,7 @@ void FragmentRoutine::restore(Rows kind, std::shared_ptr<FragmentRoutine> routin
 
 std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& p, const DispatchState& dispatch) {
   ComputeKey key{p.numerics, p.images.read(*p.shader, *p.layout, dispatch.setMemory, dispatch.setSize)};
-  return findOrMake(p.variants, key, "compute", p.workers, [&] { return buildComputeRoutine(p, key); });
+  return findOrMake(p.variants, key, "compute", p.workers, [&](const ComputeKey& k) { return buildComputeRoutine(p, k); });
 }
 
 void fillConstants(const DrawState& draw, DrawConstants& c) {

@@ -1,6 +1,8 @@
 // Images through descriptors: the states in set memory select the routine; arrays may be indexed dynamically.
 #include <gtest/gtest.h>
 
+#include "pipeline/saved_routines.h"
+#include "pipeline/variants.h"
 #include "tests/pipeline/scene.h"
 
 namespace pumice::pipeline::test {
@@ -61,8 +63,10 @@ struct Textured {
     layout->sets[0].size = sizeof set;
     layout->dynamicBase = {0};
   }
-  void draw(const char* fragment) {
-    auto d = scene.drawState(scene.pipeline(scene.state(), kColorVertex, fragment, layout));
+  void draw(const char* fragment) { draw(pipeline(fragment)); }
+  std::shared_ptr<GraphicsPipeline> pipeline(const char* fragment) { return scene.pipeline(scene.state(), kColorVertex, fragment, layout); }
+  void draw(std::shared_ptr<GraphicsPipeline> pipeline) {
+    auto d = scene.drawState(std::move(pipeline));
     d.setMemory[0] = reinterpret_cast<const std::byte*>(set.data());
     d.setSize[0] = sizeof set;
     scene.begin();
@@ -101,6 +105,48 @@ void main() { target = textureLod(images[int(gl_FragCoord.y) / 16], gl_FragCoord
       const Rgba expected = y < 16 ? Rgba{uint8_t(x / 4 * 30), uint8_t(y / 4 * 30), 1, 255} : Rgba{uint8_t(x / 4 * 20), uint8_t(y / 4 * 20), 2, 255};
       ASSERT_EQ(t.scene.color.rgba(x, y), expected) << x << ", " << y;
     }
+}
+
+// More states than routines are kept for, again and again: from the second time on table routines serve them.
+TEST(Descriptors, StatesBeyondTheVariantsThatAreKeptShareRoutines) {
+  Textured t;
+  const char* const fragment = R"(#version 450
+layout(set = 0, binding = 0) uniform sampler2D images[2];
+layout(location = 0) out vec4 target;
+void main() { vec2 p = gl_FragCoord.xy / 13.0 - 0.7; target = texture(images[0], p) * 0.5 + texture(images[1], p.yx) * 0.5; })";
+  constexpr VkSamplerAddressMode kAddresses[] = {VK_SAMPLER_ADDRESS_MODE_REPEAT, VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT,
+                                                 VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_BORDER};
+  constexpr uint32_t kStates = 2 * kMaxVariants;
+  const auto set = [&](uint32_t n) {
+    texture::SamplerKey& k = t.set[0].sampler.key;
+    k.addressU = uint8_t(kAddresses[n % 4]);
+    k.addressV = uint8_t(kAddresses[n / 4 % 4]);
+    k.magFilter = n / 16 & 1;
+    k.minFilter = n / 32 & 1;
+    t.set[1].sampler.key.addressU = uint8_t(kAddresses[n / 64 & 1]);
+  };
+  const auto picture = [&] {
+    std::vector<Rgba> pixels;
+    for (uint32_t y = 0; y < 32; ++y)
+      for (uint32_t x = 0; x < 32; ++x) pixels.push_back(t.scene.color.rgba(x, y));
+    return pixels;
+  };
+  const auto shared = t.pipeline(fragment);
+  std::vector<std::vector<Rgba>> expected(kStates);
+  uint64_t linked = 0;
+  for (uint32_t round = 0; round < 3; ++round) {
+    const uint64_t before = routineCounts().linked;
+    for (uint32_t n = 0; n < kStates; ++n) {
+      set(n);
+      t.draw(shared);
+      if (!round) expected[n] = picture();
+      ASSERT_EQ(picture(), expected[n]) << "state " << n << ", round " << round;
+    }
+    linked = routineCounts().linked - before;
+    if (round == 0) EXPECT_GE(linked, kStates);
+    if (round == 1) EXPECT_LE(linked, 4u);
+  }
+  EXPECT_EQ(linked, 0u);
 }
 
 TEST(Descriptors, DiscardedPixelsStoreNothing) {
