@@ -79,7 +79,8 @@ bool QueueWorker::submit(Submission&& submission) {
     rhythm_.submitted(now);
     return true;
   }
-  if (next && rhythm_.waitsAtOnce() && runsItself_ && !submission.sleeps && hub_.read([&] { return ready(submission); }) && base::stackHolds(kStack)) {
+  const bool itself = next && rhythm_.waitsAtOnce() && runsItself_ && !submission.sleeps && hub_.read([&] { return ready(submission); }) && base::stackHolds(kStack);
+  if (itself) {
     base::ScopedFpEnv environment;
     pending_.push_back(std::move(submission));
     runNext(lock);
@@ -96,7 +97,7 @@ bool QueueWorker::submit(Submission&& submission) {
     pending_.push_back(std::move(submission));
     wake_.notify_one();
   }
-  rhythm_.submitted(clockNanoseconds());
+  rhythm_.submitted(clockNanoseconds(), itself);
   return true;
 }
 

@@ -382,6 +382,31 @@ TEST(Rhythm, IsOfWhoWaitsAtOnceForAllThatHeSubmits) {
   EXPECT_FALSE(rhythm.waitsAtOnce()) << "something else was done between two submissions";
 }
 
+// Uploads that are waited for between frames that are not.
+TEST(Rhythm, LearnsFromWhatItWasWrongAbout) {
+  Rhythm rhythm;
+  uint64_t now = 1'000'000'000;
+  int wrong = 0;
+  auto submit = [&](uint64_t duration) {
+    const bool itself = rhythm.waitsAtOnce();
+    const uint64_t number = rhythm.submits(now);
+    rhythm.submitted(now += itself ? duration : 5000, itself);
+    return std::pair(number, itself);
+  };
+  for (int frame = 0; frame < 1000; frame++) {
+    for (int i = 0; i < 4; i++) rhythm.waits(now += 1000, submit(20'000).first);
+    const auto [number, itself] = submit(2'000'000);
+    wrong += itself;
+    rhythm.waits(now += 10'000'000, number);
+  }
+  EXPECT_LE(wrong, 1);
+  for (int i = 0; i < 13; i++) rhythm.waits(now += 1000, submit(20'000).first);
+  EXPECT_TRUE(rhythm.waitsAtOnce()) << "who waits at once for long is believed again";
+  for (int i = 0; i < 100; i++) rhythm.waits(now += 1000, submit(20'000).first);
+  rhythm.waits(now += 1000, submit(5'000'000).first);
+  EXPECT_FALSE(rhythm.waitsAtOnce()) << "too much work for one thread of the application";
+}
+
 // Otherwise a thread has to wake up, which takes longer than a small frame.
 TEST_F(Sync, WhoWaitsAtOnceRunsItsSubmissionsItself) {
   constexpr VkDeviceSize kBytes = 32 << 20;
