@@ -3,6 +3,7 @@
 #include <array>
 
 #include "spirv_interp/jit/plan.h"
+#include "spirv_interp/jit/scalar.h"
 
 namespace pumice::jit {
 namespace {
@@ -79,7 +80,15 @@ bool high(const Operand_& o) {
 
 bool VectorAssembler::direct(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_& o3) {
   if (!direct_ || remainingSpace() < kVexBytes) return false;
-  uint8_t* const end = writeVex(_bufferPtr, id, o0, o1, o2, o3);
+  const VexRow& vector = kVexRows[id];
+  uint8_t* end;
+  if (vector.form != VexForm::None) {
+    end = writeVex(_bufferPtr, vector, o0, o1, o2, o3);
+  } else {
+    const ScalarRow& scalar = kScalarRows[id];
+    if (scalar.form == ScalarForm::None || instOptions() != asmjit::InstOptions::kNone) return false;   // lock
+    end = writeScalar(_bufferPtr, scalar, o0, o1, o2);
+  }
   if (!end) return false;
   wrote(end);
   return true;

@@ -112,6 +112,26 @@ constexpr Row kRows[] = {
     {I::kIdVinserti128, {RvmImm, 3, 1, false, 0x38}},
     {I::kIdVblendvps, {RvmReg, 3, 1, false, 0x4a}},
     {I::kIdVblendvpd, {RvmReg, 3, 1, false, 0x4b}},
+    // --- parts of vectors, other places
+    {I::kIdVunpcklps, {Rvm, 1, 0, false, 0x14}},
+    {I::kIdVunpckhps, {Rvm, 1, 0, false, 0x15}},
+    {I::kIdVpunpckldq, {Rvm, 1, 1, false, 0x62}},
+    {I::kIdVpackuswb, {Rvm, 1, 1, false, 0x67}},
+    {I::kIdVpunpckhdq, {Rvm, 1, 1, false, 0x6a}},
+    {I::kIdVpunpcklqdq, {Rvm, 1, 1, false, 0x6c}},
+    {I::kIdVpunpckhqdq, {Rvm, 1, 1, false, 0x6d}},
+    {I::kIdVcvtps2pd, {RmReg, 1, 0, false, 0x5a}},
+    {I::kIdVcvtpd2ps, {RmReg, 1, 1, false, 0x5a}},
+    {I::kIdVextractf128, {MrImm, 3, 1, false, 0x19}},
+    {I::kIdVextracti128, {MrImm, 3, 1, false, 0x39}},
+    {I::kIdVpinsrd, {RvmGpImm, 3, 1, false, 0x22}},
+    {I::kIdVpinsrq, {RvmGpImm, 3, 1, true, 0x22}},
+    {I::kIdVpextrd, {MrGpImm, 3, 1, false, 0x16}},
+    {I::kIdVpextrq, {MrGpImm, 3, 1, true, 0x16}},
+    {I::kIdVmovmskps, {GpRm, 1, 0, false, 0x50}},
+    {I::kIdVmovd, {Carry, 1, 1, false, 0x6e, 0x7e}},
+    {I::kIdVmovq, {Carry, 1, 1, true, 0x6e, 0x7e}},
+    {I::kIdBlsr, {GpVm, 2, 0, false, 0xf3, 1}},
 };
 
 }  // namespace
@@ -122,5 +142,101 @@ constinit const std::array<VexRow, I::_kIdCount> kVexRows = [] {
     rows[id] = {c.form, c.opcode, c.store, 0xc4u | (0xe0u | c.map) << 8 | (uint32_t(c.w) << 7 | 0x78u | c.prefix) << 16};
   return rows;
 }();
+
+uint8_t* writeVex(uint8_t* at, const VexRow& row, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2,
+                  const asmjit::Operand_& o3) {
+  using asmjit::Operand_;
+  const Operand_ *reg = &o0, *rm = &o1;
+  VexRow other;   // where operands choose among encodings
+  const VexRow* code = &row;
+  uint32_t opcode = row.opcode, v = 0, r;
+  uint32_t tail = 0, tailBytes = 0;   // a constant behind all
+  bool wide = false;
+  const auto constant = [&](const Operand_& o) {
+    tail = o.as<asmjit::Imm>().valueAs<uint8_t>();
+    tailBytes = 1;
+    return o.isImm();
+  };
+  const auto scalar = [&](const Operand_& o) { return row.head >> 23 & 1 ? vex::isGpq(o) : vex::isGpd(o); };
+  switch (row.form) {
+    case VexForm::None: return nullptr;
+    case VexForm::Rvm:
+    case VexForm::RvmImm:
+    case VexForm::RvmGpImm:
+    case VexForm::RvmReg:
+      rm = &o2;
+      v = o1.id();
+      if (!vex::isLowVector(o1)) return nullptr;
+      if (row.form == VexForm::Rvm) {
+        if (!o3.isNone()) return nullptr;
+      } else if (row.form == VexForm::RvmReg) {
+        if (!vex::isLowVector(o3)) return nullptr;
+        tail = o3.id() << 4;
+        tailBytes = 1;
+      } else if (!constant(o3)) {
+        return nullptr;
+      }
+      break;
+    case VexForm::Move:
+      if (o0.isMem()) {
+        reg = &o1, rm = &o0;
+        opcode = row.store;
+      }
+      [[fallthrough]];
+    case VexForm::Rm:
+    case VexForm::RmReg:
+      if (!o2.isNone() || (row.form == VexForm::RmReg && rm->isMem())) return nullptr;
+      break;
+    case VexForm::Shift:
+    case VexForm::RmImm:
+      if (!constant(o2) || !o3.isNone()) return nullptr;
+      break;
+    case VexForm::MrImm:
+    case VexForm::MrGpImm:
+      reg = &o1, rm = &o0;
+      if (!constant(o2) || !o3.isNone()) return nullptr;
+      break;
+    case VexForm::GpRm:
+      if (!vex::isGpd(o0) || !vex::isLowVector(o1) || !o2.isNone()) return nullptr;
+      return encodeVex(at, row, opcode, o0.id(), 0, vex::isYmm(o1), false, o1.id(), 0, 0, 0);
+    case VexForm::GpVm:
+      if (!(vex::isGpd(o0) && vex::isGpd(o1)) || !o2.isNone()) return nullptr;
+      return encodeVex(at, row, opcode, row.store, o0.id(), false, false, o1.id(), 0, 0, 0);
+    case VexForm::Carry: {
+      if (!o2.isNone()) return nullptr;
+      const bool store = !vex::isLowVector(o0);
+      if (store) reg = &o1, rm = &o0, opcode = row.store;
+      if (vex::isYmm(*reg)) return nullptr;
+      if (rm->isMem() && row.head >> 23 & 1) {   // vmovq has two more for memory
+        other = row;
+        other.head ^= store ? 1u << 23 : 1u << 23 | 3u << 16;
+        opcode = store ? 0xd6 : 0x7e;
+        code = &other;
+      } else if (!rm->isMem() && !scalar(*rm)) {
+        return nullptr;
+      }
+      break;
+    }
+  }
+  if (!vex::isLowVector(*reg)) return nullptr;
+  r = reg->id();
+  wide = vex::isYmm(*reg);
+  if (row.form == VexForm::Shift) {
+    v = r;
+    r = row.store;
+  }
+  if (rm->isMem()) {
+    if (!vex::isAddress(*rm)) return nullptr;
+    const auto& m = rm->as<asmjit::x86::Mem>();
+    return encodeVex(at, *code, opcode, r, v, wide, true, m.baseId(), m.offsetLo32(), tail, tailBytes, m.hasIndex() ? m.indexId() : kNoIndex, m.shift());
+  }
+  if (vex::isLowVector(*rm)) {
+    if (row.form == VexForm::RvmGpImm || row.form == VexForm::MrGpImm) return nullptr;
+    wide |= rm == &o1 && vex::isYmm(*rm);   // of conversions the larger side counts
+  } else if (!((row.form == VexForm::RvmGpImm || row.form == VexForm::MrGpImm || row.form == VexForm::Carry) && scalar(*rm))) {
+    return nullptr;
+  }
+  return encodeVex(at, *code, opcode, r, v, wide, false, rm->id(), 0, tail, tailBytes);
+}
 
 }  // namespace pumice::jit
