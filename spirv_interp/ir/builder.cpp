@@ -61,7 +61,7 @@ Value Builder::append(Op op, Type type, std::span<const Value> operands, uint64_
   i.operandCount = uint32_t(operands.size());
   i.line = line_;
   i.imm = imm;
-  for (Value v : operands) f_.operandPool.push_back(v);
+  f_.operandPool.insert(f_.operandPool.end(), operands.begin(), operands.end());
   f_.insts.push_back(i);
   return Value(f_.insts.size() - 1);
 }

@@ -86,14 +86,27 @@ Limits limitsOf(const Function& f, Value x, unsigned depth) {
 
 void lowerMath(Function& f, Numerics numerics, bool keepFilters) {
   computeRates(f);
-  if (std::ranges::none_of(f.insts, [](const Inst& i) { return isHighMath(i) || isFilter(i.op); })) return;
+  const auto changes = [](const Inst& i) { return isHighMath(i) || isFilter(i.op); };
+  const auto high = std::ranges::count_if(f.insts, changes);
+  if (!high) return;
   Function out = withoutInstructions(f);
+  out.insts.reserve(f.insts.size() + size_t(high) * 32);
+  out.operandPool.reserve(f.operandPool.size() + size_t(high) * 64);
   Builder b(out);
   AngleCache cache;
   std::vector<Value> map(f.insts.size()), operands;
   for (Value v = 1; v < f.insts.size(); ++v) {
     const Inst& i = f.insts[v];
     const uint8_t flags = opInfo(i.op).flags;
+    // What others wrote was tidied up before.
+    if ((flags & kPure) && !(flags & kHigh) && i.op != Op::Const && !isFilter(i.op)) {
+      map[v] = Value(out.insts.size());
+      Inst& copy = out.insts.emplace_back(i);
+      copy.rate = Rate::Lane;
+      copy.firstOperand = uint32_t(out.operandPool.size());
+      for (Value o : f.operands(i)) out.operandPool.push_back(map[o]);
+      continue;
+    }
     operands.clear();
     for (Value o : f.operands(i)) operands.push_back(map[o]);
     if (flags & kControl) cache = {};
@@ -116,9 +129,7 @@ void lowerMath(Function& f, Numerics numerics, bool keepFilters) {
         continue;
       }
     }
-    // What others wrote was tidied up before.
-    const bool plain = (flags & kPure) && i.op != Op::Const;
-    map[v] = plain ? b.append(i.op, i.type, operands, i.imm) : b.emit(i.op, i.type, operands, i.imm);
+    map[v] = flags & kPure && i.op != Op::Const ? b.append(i.op, i.type, operands, i.imm) : b.emit(i.op, i.type, operands, i.imm);
   }
   f = std::move(out);
   computeRates(f);

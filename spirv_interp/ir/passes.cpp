@@ -1,6 +1,7 @@
 #include "spirv_interp/ir/passes.h"
 
 #include <algorithm>
+#include <array>
 
 #include "spirv_interp/ir/pass_list.h"
 
@@ -33,26 +34,24 @@ void optimise(Function& f) {
   computeRates(f);
 }
 
+namespace {
+//! By operation: the rarest that it may be.
+constexpr auto kLeastRate = [] {
+  std::array<Rate, size_t(Op::kCount)> table{};
+  for (size_t op = 0; op < table.size(); op++) table[op] = kOps[op].flags & kPure ? Rate::Constant : Rate::Lane;
+  for (const Op op : {Op::Input, Op::LaneId, Op::QuadLoad}) table[size_t(op)] = Rate::Lane;
+  for (const Op op : {Op::UniformInput, Op::TableLoad, Op::LoadConst, Op::Descriptor}) table[size_t(op)] = Rate::Draw;
+  return table;
+}();
+}  // namespace
+
 void computeRates(Function& f) {
+  const Value* const pool = f.operandPool.data();
+  Inst* const insts = f.insts.data();
   for (Inst& i : f.insts) {
-    i.rate = Rate::Lane;
-    if (!(opInfo(i.op).flags & kPure) || (i.flags & kInstVolatile)) continue;
-    Rate rate = Rate::Constant;
-    switch (i.op) {
-      case Op::Input:
-      case Op::LaneId:
-      case Op::QuadLoad:
-        continue;
-      case Op::UniformInput:
-      case Op::TableLoad:
-      case Op::LoadConst:
-      case Op::Descriptor:
-        rate = Rate::Draw;
-        break;
-      default:
-        break;
-    }
-    for (Value v : f.operands(i)) rate = std::max(rate, f.insts[v].rate);
+    Rate rate = i.flags & kInstVolatile ? Rate::Lane : kLeastRate[size_t(i.op)];
+    if (rate != Rate::Lane)
+      for (const Value *o = pool + i.firstOperand, *end = o + i.operandCount; o != end; ++o) rate = std::max(rate, insts[*o].rate);
     i.rate = rate;
   }
 }
