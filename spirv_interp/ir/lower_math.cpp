@@ -1,6 +1,7 @@
 #include "spirv_interp/ir/lower_math.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "spirv_interp/ir/fold.h"
 #include "spirv_interp/ir/one_record.h"
@@ -57,6 +58,20 @@ Value lowerFilter(Builder& b, Op op, std::span<const Value> o, uint32_t componen
   return lerp(rows[0], rows[1], o[7]);
 }
 
+namespace {
+
+//! Least and greatest of an i32 without a sign.
+std::pair<uint32_t, uint32_t> unsignedLimits(const Function& f, Value x, unsigned depth) {
+  const Inst& i = f.insts[x];
+  if (i.op == Op::Const) return {uint32_t(i.imm), uint32_t(i.imm)};
+  if (!depth || (i.op != Op::UMin && i.op != Op::UMax)) return {0, ~0u};
+  const auto a = unsignedLimits(f, f.operands(x)[0], depth - 1), b = unsignedLimits(f, f.operands(x)[1], depth - 1);
+  if (i.op == Op::UMin) return {std::min(a.first, b.first), std::min(a.second, b.second)};
+  return {std::max(a.first, b.first), std::max(a.second, b.second)};
+}
+
+}  // namespace
+
 Limits limitsOf(const Function& f, Value x, unsigned depth) {
   const Inst& i = f.insts[x];
   const auto o = f.operands(x);
@@ -65,6 +80,13 @@ Limits limitsOf(const Function& f, Value x, unsigned depth) {
     case Op::Const: {
       const double c = floatValue(i.type, i.imm);
       return c == c ? Limits{c, c, true} : Limits();
+    }
+    case Op::SToF:
+    case Op::UToF: {
+      if (f.type(o[0]) != Type::I32 || i.type == Type::F16) return {};
+      const auto [least, most] = unsignedLimits(f, o[0], depth);
+      if (i.op == Op::UToF || most <= 0x7fffffff) return {double(least) * (1 - 1e-6), double(most) * (1 + 1e-6), true};
+      return {-0x1p31, 0x1p31, true};
     }
     case Op::FToF:
       return typeBytes(i.type) > typeBytes(f.type(o[0])) ? of(0) : Limits();

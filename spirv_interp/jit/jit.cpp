@@ -14,6 +14,7 @@
 #include "spirv_interp/jit/code_memory.h"
 #include "spirv_interp/jit/emitter.h"
 #include "spirv_interp/jit/halves.h"
+#include "spirv_interp/jit/invariants.h"
 #include "spirv_interp/jit/order.h"
 #include "spirv_interp/jit/quads.h"
 #include "spirv_interp/jit/unroll.h"
@@ -248,7 +249,9 @@ Result<std::unique_ptr<Executable>> emit(const ir::Function& source, const inter
   const bool avx512 = wantsAvx512(jit.isa);
   ir::lowerMath(f, options.numerics, options.numerics == ir::Numerics::F32 && !avx512);
   if (options.numerics == ir::Numerics::Oracle) ir::widenFloats(f);
-  if (widenHalves(f)) ir::computeRates(f);   // else lowerMath has
+  bool rates = widenHalves(f);   // else lowerMath has
+  if (!f.groupSize[0] && options.numerics == ir::Numerics::F32) rates |= hoistInvariants(f);
+  if (rates) ir::computeRates(f);
   if (jit.wholeBlocks) computeWhenNeeded(f);
   shareAmongQuads(f);
   const bool unrolled = f.groupSize[0] && unrollLoops(f);
