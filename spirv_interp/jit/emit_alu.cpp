@@ -77,6 +77,7 @@ bool Emitter::alu(Value v) {
     const Simple& s = kTable[size_t(i.op)][size_t(i.type)];
     if (s.id) {
       const Parts x = parts(o[0]), y = parts(o.back());
+      if (o.size() == 2 && binParts(s.id, v, x, y, s.commutes)) return true;
       for (uint32_t part = 0; part < partsOf(i.type); part++) {
         const Ymm d = target(v, part);
         if (o.size() == 2) bin(s.id, d, source(x, part), source(y, part), s.commutes);
@@ -164,6 +165,33 @@ bool Emitter::alu(Value v) {
   }
 }
 
+//! bin() for all parts: what they have in common is looked at once. False: nothing is done yet.
+bool Emitter::binParts(InstId id, Value v, const Parts& x, const Parts& y, bool commutes) {
+  const uint32_t count = partsOf(f_.type(v));
+  uint8_t* at = preamble_ || kVexRows[id].form != VexForm::Rvm ? nullptr : a_.room(3 * count);
+  if (!at) return false;
+  const Vreg& to = p_.vregs[p_.vregOf[v]];
+  for (uint32_t part = 0; part < count; part++) {
+    const Source p = source(x, part), q = source(y, part);
+    const bool swap = commutes && !p.isReg && q.isReg;
+    const Source &a = swap ? q : p, &b = swap ? p : q;
+    const bool inFrame = to.reg[part] < 0;
+    const uint32_t d = inFrame ? t2().id() : uint32_t(to.reg[part]);
+    uint32_t first = a.id;
+    if (!a.isReg) {
+      first = b.isReg && b.id == d ? t0().id() : d;   // t0 is free when an operand stands in the result
+      at = encodeLoad(at, first, a.id, a.offset);
+    }
+    at = encodeRvm(at, id, d, first, !b.isReg, b.id, b.offset);
+    if (inFrame) {
+      const Source slot = slotSource(to.slot[part]);
+      at = encodeStore(at, d, slot.id, slot.offset);
+    }
+  }
+  a_.wrote(at);
+  return true;
+}
+
 //! The smaller; of equals (zeros) the union of the signs; of a NaN and a number the number. The instruction gives its
 //! second operand for NaNs and equals, which is right for most constants in second place.
 void Emitter::floatMinMax(Value v) {
@@ -223,39 +251,70 @@ void Emitter::negate(Value v) {
   }
 }
 
-void Emitter::mul(Ymm d, Source a, Source b, Source c, bool wide, bool negative, bool subtract) {
-  struct Forms {
-    InstId f132, f213, f231;
-  };
+namespace {
+struct FmaForms {
+  InstId f132, f213, f231;
+};
+//! a * b + c as moves (the first `moves`) and one instruction.
+struct FmaSteps {
+  uint32_t moves = 0;
+  struct {
+    uint8_t to = 0;
+    Source from;
+  } move[2];
+  InstId id = 0;
+  uint8_t second = 0;   //!< vector register
+  Source third;
+  void load(uint32_t to, Source from) {
+    move[moves].to = uint8_t(to);
+    move[moves++].from = from;
+  }
+};
+const FmaForms& fmaForms(bool wide, bool negative, bool subtract) {
 #define PUMICE_FMA(name, type) {I::kIdV##name##132##type, I::kIdV##name##213##type, I::kIdV##name##231##type}
-  static constexpr Forms kForms[2][2][2] = {{{PUMICE_FMA(fmadd, ps), PUMICE_FMA(fmsub, ps)}, {PUMICE_FMA(fnmadd, ps), PUMICE_FMA(fnmsub, ps)}},
-                                            {{PUMICE_FMA(fmadd, pd), PUMICE_FMA(fmsub, pd)}, {PUMICE_FMA(fnmadd, pd), PUMICE_FMA(fnmsub, pd)}}};
+  static constexpr FmaForms kForms[2][2][2] = {{{PUMICE_FMA(fmadd, ps), PUMICE_FMA(fmsub, ps)}, {PUMICE_FMA(fnmadd, ps), PUMICE_FMA(fnmsub, ps)}},
+                                               {{PUMICE_FMA(fmadd, pd), PUMICE_FMA(fmsub, pd)}, {PUMICE_FMA(fnmadd, pd), PUMICE_FMA(fnmsub, pd)}}};
 #undef PUMICE_FMA
-  const Forms& f = kForms[wide][negative][subtract];
-  const auto is = [&](Source s) { return s.is(d); };
-  const auto inReg = [&](Source s, Ymm scratch) {
-    if (s.isReg) return s.reg();
-    a_.move(scratch, s);
-    return scratch;
+  return kForms[wide][negative][subtract];
+}
+inline FmaSteps fmaSteps(const FmaForms& f, uint32_t d, Source a, Source b, Source c, uint32_t scratch) {
+  FmaSteps s;
+  const auto is = [&](const Source& x) { return x.isReg && x.id == d; };
+  const auto inReg = [&](const Source& x) {
+    if (x.isReg) return x.id;
+    s.load(scratch, x);
+    return uint8_t(scratch);
+  };
+  const auto make = [&](InstId id, uint8_t second, const Source& third) {
+    s.id = id;
+    s.second = second;
+    s.third = third;
   };
   // 213: d = d * 2nd + 3rd, 132: d = d * 3rd + 2nd, 231: d = d + 2nd * 3rd; the 3rd may be in memory.
   if (is(a) || is(b)) {
     const Source& other = is(a) ? b : a;
-    if (other.isReg) a_.emit(f.f213, d, other.reg(), c);
-    else a_.emit(f.f132, d, inReg(c, t0()), other);
+    if (other.isReg) make(f.f213, other.id, c);
+    else make(f.f132, inReg(c), other);
   } else if (is(c)) {
-    if (a.isReg) a_.emit(f.f231, d, a.reg(), b);
-    else if (b.isReg) a_.emit(f.f231, d, b.reg(), a);
-    else a_.emit(f.f231, d, inReg(a, t0()), b);
+    if (!a.isReg && b.isReg) make(f.f231, b.id, a);
+    else make(f.f231, inReg(a), b);
   } else if (a.isReg || b.isReg) {
-    move(d, c);
-    if (a.isReg) a_.emit(f.f231, d, a.reg(), b);
-    else a_.emit(f.f231, d, b.reg(), a);
+    s.load(d, c);
+    if (a.isReg) make(f.f231, a.id, b);
+    else make(f.f231, b.id, a);
   } else {
-    move(d, a);
-    if (c.isReg) a_.emit(f.f132, d, c.reg(), b);
-    else a_.emit(f.f213, d, inReg(b, t0()), c);
+    s.load(d, a);
+    if (c.isReg) make(f.f132, c.id, b);
+    else make(f.f213, inReg(b), c);
   }
+  return s;
+}
+}  // namespace
+
+void Emitter::mul(Ymm d, Source a, Source b, Source c, bool wide, bool negative, bool subtract) {
+  const FmaSteps s = fmaSteps(fmaForms(wide, negative, subtract), d.id(), a, b, c, t0().id());
+  for (uint32_t k = 0; k < s.moves; k++) a_.move(Ymm(s.move[k].to), s.move[k].from);
+  a_.emit(s.id, d, Ymm(s.second), s.third);
 }
 
 void Emitter::fma(Value v) {
@@ -268,11 +327,29 @@ void Emitter::fma(Value v) {
   }
   const Type t = f_.type(v);
   const Parts x = parts(o[0]), y = parts(o[1]), z = parts(o[2]);
-  for (uint32_t part = 0; part < partsOf(t); part++) {
+  const FmaForms& forms = fmaForms(t == Type::F64, negative[0] != negative[1], negative[2]);
+  const uint32_t count = partsOf(t);
+  uint8_t* at = preamble_ ? nullptr : a_.room(4 * count);
+  for (uint32_t part = 0; part < count; part++) {
     const Ymm d = target(v, part);
-    mul(d, source(x, part), source(y, part), source(z, part), t == Type::F64, negative[0] != negative[1], negative[2]);
-    finish(v, part, d);
+    const FmaSteps s = fmaSteps(forms, d.id(), source(x, part), source(y, part), source(z, part), t0().id());
+    if (!at) {
+      for (uint32_t k = 0; k < s.moves; k++) a_.move(Ymm(s.move[k].to), s.move[k].from);
+      a_.emit(s.id, d, Ymm(s.second), s.third);
+      finish(v, part, d);
+      continue;
+    }
+    for (uint32_t k = 0; k < s.moves; k++) {
+      const Source& from = s.move[k].from;
+      at = encodeRvm(at, I::kIdVmovaps, s.move[k].to, 0, !from.isReg, from.id, from.offset);
+    }
+    at = encodeRvm(at, s.id, d.id(), s.second, !s.third.isReg, s.third.id, s.third.offset);
+    if (const Vreg& to = p_.vregs[p_.vregOf[v]]; to.reg[part] < 0) {
+      const Source slot = slotSource(to.slot[part]);
+      at = encodeStore(at, d.id(), slot.id, slot.offset);
+    }
   }
+  if (at) a_.wrote(at);
 }
 
 void Emitter::compare(Value v) {

@@ -132,6 +132,7 @@ class Emitter {
   void operation(Value v);
   bool alu(Value v);             // emit_alu.cpp
   bool convert(Value v);         // emit_convert.cpp
+  bool binParts(InstId id, Value v, const Parts& x, const Parts& y, bool commutes);
   void floatMinMax(Value v);
   void negate(Value v);
   void fma(Value v);

@@ -64,6 +64,14 @@ class VectorAssembler final : public asmjit::x86::Assembler {
   asmjit::Error _emit(asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2,
                       const asmjit::Operand_* more) override;
 
+  //! For who writes several instructions at once (encodeVex): their place, or null if they have to come one by one. Then wrote().
+  uint8_t* room(uint32_t instructions) { return direct_ && remainingSpace() >= instructions * kVexBytes ? _bufferPtr : nullptr; }
+  void wrote(uint8_t* end) {
+    _bufferPtr = end;
+    size_t& size = _section->_buffer._size;
+    size = std::max(size, offset());
+  }
+
  private:
   //! AVX2's usual instructions, into the buffer past asmjit (vex.h). Not if somebody wants a listing.
   template <VexForm kForm, bool kStore = false>
@@ -73,11 +81,6 @@ class VectorAssembler final : public asmjit::x86::Assembler {
     if (!direct_ || row.form != kForm || remainingSpace() < kVexBytes) return false;
     wrote(encodeVex(_bufferPtr, row, kStore ? row.store : row.opcode, r, v, true, !m.isReg, m.id, m.offset, tail, kTail));
     return true;
-  }
-  void wrote(uint8_t* end) {
-    _bufferPtr = end;
-    size_t& size = _section->_buffer._size;
-    size = std::max(size, offset());
   }
   static constexpr asmjit::Operand kNone{};
   bool direct(asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2, const asmjit::Operand_& o3);

@@ -103,7 +103,20 @@ inline uint8_t* encodeVex(uint8_t* at, const VexRow& row, uint32_t opcode, uint3
   return at + restBits / 8 + tailBytes;
 }
 
-//! The same from asmjit's operands. Null: it is none of these.
+//! d = a op m of 256 bits, and vmovaps between a vector register and a vector in memory.
+inline uint8_t* encodeRvm(uint8_t* at, asmjit::InstId id, uint32_t d, uint32_t a, bool memory, uint32_t m, int32_t offset) {
+  const VexRow& row = kVexRows[id];
+  return encodeVex(at, row, row.opcode, d, a, true, memory, m, offset, 0, 0);
+}
+inline uint8_t* encodeLoad(uint8_t* at, uint32_t d, uint32_t base, int32_t offset) {
+  return encodeRvm(at, asmjit::x86::Inst::kIdVmovaps, d, 0, true, base, offset);
+}
+inline uint8_t* encodeStore(uint8_t* at, uint32_t d, uint32_t base, int32_t offset) {
+  const VexRow& row = kVexRows[asmjit::x86::Inst::kIdVmovaps];
+  return encodeVex(at, row, row.store, d, 0, true, true, base, offset, 0, 0);
+}
+
+//! Any of these from asmjit's operands. Null: it is none of these.
 uint8_t* writeVex(uint8_t* at, const VexRow& row, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2,
                   const asmjit::Operand_& o3);
 
