@@ -381,8 +381,9 @@ void printCompiled() {
   routinesBefore = routines;
   const jit::Statistics now = jit::statistics();
   if (const uint64_t made = now.emitted - before.emitted, left = now.refused - before.refused; made || left)
-    std::fprintf(stderr, "pumice: stats: %llu routines emitted (%llu operations, %llu by call), %llu left to the interpreter\n", static_cast<unsigned long long>(made),
+    std::fprintf(stderr, "pumice: stats: %llu routines emitted (%llu operations, %llu by call, %.2f microseconds of processor time each), %llu left to the interpreter\n", static_cast<unsigned long long>(made),
                  static_cast<unsigned long long>(now.operations - before.operations), static_cast<unsigned long long>(now.callOuts - before.callOuts),
+                 double(now.nanoseconds - before.nanoseconds) * 1e-3 / double(std::max<uint64_t>(1, now.operations - before.operations)),
                  static_cast<unsigned long long>(left));
   before = now;
 }

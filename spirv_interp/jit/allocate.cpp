@@ -1,6 +1,6 @@
 // The register allocator: a linear scan over intervals. A part that finds no register takes that of a part with less
 // weight (uses per length), or lives in the frame, where most instructions can read it in place.
-#include <xmmintrin.h>
+#include <emmintrin.h>
 
 #include <algorithm>
 #include <bit>
@@ -100,7 +100,8 @@ class Allocator {
         reg = lightest;
         Vreg& out = p_.vregs[holder_[reg]];
         out.held &= ~(1u << reg);
-        for (int8_t& r : out.reg) r = r == reg ? int8_t(-1) : r;
+        const __m128i theirs = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(out.reg));
+        _mm_storel_epi64(reinterpret_cast<__m128i*>(out.reg), _mm_or_si128(theirs, _mm_cmpeq_epi8(theirs, _mm_set1_epi8(char(reg)))));   // -1
       }
       holder_[reg] = id;
       weight_[reg] = weight;

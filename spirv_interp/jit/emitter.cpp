@@ -47,7 +47,8 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
   findSharedRanges();
   sharedPlace_ = out.frameBytes;
   out.frameBytes += uint32_t(sharedRanges_.size()) * 2 * kVectorBytes;
-  // A guess that saves the buffer from growing step by step.
+  // Guesses that save buffers from growing step by step.
+  out.pool.reserve(64 * kVectorBytes);
   a_.code()->reserveBuffer(&a_.code()->textSection()->buffer(), 1024 + f_.insts.size() * (10 + 8 * p_.unroll));
 
   a_.bind(bodyLabel);

@@ -1,6 +1,7 @@
 #include "spirv_interp/jit/jit.h"
 
 #include <alloca.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -33,7 +34,13 @@ std::byte* aligned(void* p) { return reinterpret_cast<std::byte*>((reinterpret_c
 
 thread_local Scratch scratch;   // for frames
 
-std::atomic<uint64_t> emittedCount, refusedCount, operationCount, callOutCount;
+std::atomic<uint64_t> emittedCount, refusedCount, operationCount, callOutCount, nanosecondCount;
+
+uint64_t threadNanoseconds() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return uint64_t(t.tv_sec) * 1'000'000'000 + uint64_t(t.tv_nsec);
+}
 
 class Native final : public Executable {
  public:
@@ -301,11 +308,13 @@ bool runs(Isa isa) {
 
 Result<std::unique_ptr<Executable>> compile(const ir::Function& f, const interp::CompileOptions& options, const JitOptions& jit) {
   if (!available()) return base::errorf("this processor has no AVX2, FMA and F16C, or PUMICE_ISA forbids them");
+  const uint64_t begun = threadNanoseconds();
   auto result = emit(f, options, jit);
+  nanosecondCount += threadNanoseconds() - begun;
   ++(result ? emittedCount : refusedCount);
   return result;
 }
 
-Statistics statistics() { return {emittedCount, refusedCount, operationCount, callOutCount}; }
+Statistics statistics() { return {emittedCount, refusedCount, operationCount, callOutCount, nanosecondCount}; }
 
 }  // namespace pumice::jit

@@ -47,6 +47,7 @@ struct Statistics {
   uint64_t refused = 0;      //!< routines left to the interpreter
   uint64_t operations = 0;   //!< IR operations of emitted routines
   uint64_t callOuts = 0;     //!< of these done by the interpreter's kernels
+  uint64_t nanoseconds = 0;  //!< of processor time, that emission took
 };
 Statistics statistics();
 

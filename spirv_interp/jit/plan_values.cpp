@@ -78,6 +78,7 @@ void settleBounded(Plan& p) {
   // Most values have none: then `bounded` says so, and nobody looks at `bounds`.
   const std::unique_ptr<Bounds[]> bounds = std::make_unique_for_overwrite<Bounds[]>(f.insts.size());
   std::vector<uint8_t> bounded(f.insts.size(), 0);
+  std::vector<Value> choices;   // minima, maxima
   std::vector<uint32_t> most(f.insts.size(), ~0u);   // of unsigned numbers
   static constexpr Bounds kNone;
   for (Value v = 1; v < f.insts.size(); v++) {
@@ -100,6 +101,7 @@ void settleBounded(Plan& p) {
         default: break;
       }
     }
+    if (i.op == Op::FMin || i.op == Op::FMax) choices.push_back(v);
     if (i.type != Type::F32) continue;
     switch (i.op) {
       case Op::FAdd:
@@ -205,7 +207,16 @@ void settleBounded(Plan& p) {
     p.number[v] = r.number;
     if (r.number && p.a.nan[v] == interp::NanBits::Arithmetic) p.a.nan[v] = interp::NanBits::Settled;
   }
-  findSignless(p);
+  // Most are of a constant that wins among zeros anyway, or of what may be NaN: then signs of zeros make no difference.
+  const auto dependsOnSign = [&](Value v) {
+    const auto o = f.operands(v);
+    const Inst &a = f.insts[o[0]], &b = f.insts[o[1]];
+    if (a.op != Op::Const && b.op != Op::Const) return p.number[o[0]] || p.number[o[1]];
+    const uint64_t bits = (b.op == Op::Const ? b : a).imm;
+    const bool negative = bits >> (8 * ir::typeBytes(f.type(v)) - 1) & 1;
+    return ir::floatValue(f.type(v), bits) == 0 && negative != (f.insts[v].op == Op::FMin);
+  };
+  if (std::any_of(choices.begin(), choices.end(), dependsOnSign)) findSignless(p);
 }
 
 void findFolded(Plan& p) {

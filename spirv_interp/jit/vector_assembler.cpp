@@ -78,7 +78,7 @@ bool high(const Operand_& o) {
 
 }  // namespace
 
-bool VectorAssembler::direct(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_& o3) {
+[[gnu::always_inline]] inline bool VectorAssembler::write(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_& o3) {
   if (!direct_ || remainingSpace() < kVexBytes) return false;
   const VexRow& vector = kVexRows[id];
   uint8_t* end;
@@ -94,8 +94,10 @@ bool VectorAssembler::direct(InstId id, const Operand_& o0, const Operand_& o1, 
   return true;
 }
 
+bool VectorAssembler::direct(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_& o3) { return write(id, o0, o1, o2, o3); }
+
 Error VectorAssembler::_emit(InstId id, const Operand_& o0, const Operand_& o1, const Operand_& o2, const Operand_* more) {
-  if (direct(id, o0, o1, o2, more[0])) return asmjit::kErrorOk;
+  if (write(id, o0, o1, o2, more[0])) return asmjit::kErrorOk;
   const Rule rule = evex_ ? kRules[id & 0xffff] : Rule{};
   const auto plain = [&](InstId which, const Operand_& a, const Operand_& b, const Operand_& c = kNoMore[0], const Operand_* d = kNoMore) {
     return Assembler::_emit(which, a, b, c, d);

@@ -83,6 +83,7 @@ class VectorAssembler final : public asmjit::x86::Assembler {
     return true;
   }
   static constexpr asmjit::Operand kNone{};
+  bool write(asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2, const asmjit::Operand_& o3);
   bool direct(asmjit::InstId id, const asmjit::Operand_& o0, const asmjit::Operand_& o1, const asmjit::Operand_& o2, const asmjit::Operand_& o3);
 
   bool evex_, direct_;
