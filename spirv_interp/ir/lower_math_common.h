@@ -151,14 +151,21 @@ class MathOf {
     const double leastLog = -double(N::kBias + N::kMantissa), mostLog = known.high <= 1 ? 0 : N::kBias + 1;
     const double least = std::min(exponent * leastLog, exponent * mostLog) - 1,
                  most = std::max(exponent * leastLog, exponent * mostLog) + 1;
+    const bool below = least < N::kPowLowest, above = most > N::kPowHighest;
     Value clamped = product;
-    if (least < N::kPowLowest) clamped = b_.fmax(clamped, c(N::kPowLowest));
-    if (most > N::kPowHighest) clamped = b_.fmin(clamped, c(N::kPowHighest));
+    if (below) clamped = b_.fmax(clamped, c(N::kPowLowest));
+    if (above) clamped = b_.fmin(clamped, c(N::kPowHighest));
     const Value n = roundEven(clamped), r = b_.fadd(b_.fsub(clamped, n), productLow);
     const Value p = b_.fma(r, polynomial(N::kExp2, r), c(1));
-    // Numbers that are not denormal need one step.
+    // Says where n is, off the longest chain, and so that it needs no care when it becomes an integer.
+    Value held = n;
+    if (!below) held = b_.fmax(held, c(Float(std::floor(least))));
+    if (!above) held = b_.fmin(held, c(Float(std::ceil(most))));
+    // Numbers that are not denormal need one step; the lowest bits of the sum are the exponent.
     const bool oneStep = known.number && known.low >= 0 && least > 3 - double(N::kBias) && most < double(N::kBias);
-    const Value result = oneStep ? b_.fmul(p, powerOfTwo(b_.convert(Op::FToS, N::kInt, n))) : scale(p, n);
+    constexpr Float kExponentLast = Float(uint64_t(3) << (N::kMantissa - 1)) + N::kBias;
+    const Value result = oneStep ? b_.fmul(p, b_.bitcast(N::kFloat, b_.shl(b_.bitcast(N::kInt, b_.fadd(held, c(kExponentLast))), integer(N::kMantissa))))
+                                 : scale(p, held);
     const Value ofZero = c(exponent > 0 ? 0 : kInf), ofInfinity = c(exponent > 0 ? kInf : 0);
     const auto isInfinite = [&] { return b_.feq(x, c(kInf)); };
     if (!known.number || known.low < 0) {
@@ -328,7 +335,7 @@ class MathOf {
     const Value bits = b_.bitcast(N::kInt, scaled), mantissa = integer(N::kMantissa);
     const Value n = b_.ashr(b_.isub(bits, integer(N::kSqrtHalfBits)), mantissa);
     const Value m = b_.bitcast(N::kFloat, b_.isub(bits, b_.shl(n, mantissa)));
-    const Value exponent = b_.select(tiny, b_.isub(n, mantissa), n);
+    const Value exponent = b_.iadd(n, b_.select(tiny, integer(0 - uint64_t(N::kMantissa)), integer(0)));
     return {b_.convert(Op::SToF, N::kFloat, exponent), b_.fsub(m, c(1))};
   }
   Value logSpecials(Value x, Value result) {

@@ -424,7 +424,14 @@ void Emitter::select(Value v) {
   const auto o = f_.operands(v);
   const Type t = f_.type(v);
   const bool keep = p_.a.nan[v] == interp::NanBits::Kept, wide = ir::typeBytes(t) == 8 && !single_;
+  const bool orZero = f_.insts[o[2]].op == Op::Const && !f_.insts[o[2]].imm;
   for (uint32_t part = 0; part < partsOf(t); part++) {
+    if (orZero) {
+      const Ymm m = wide ? wideMask(o[0], part, t1()) : load(o[0], part, t1());
+      a_.emit(I::kIdVandps, target(v, part), m, keep ? settled(o[1], part, t0()) : source(o[1], part));
+      finish(v, part, target(v, part));
+      continue;
+    }
     Source yes = keep ? settled(o[1], part, t0()) : source(o[1], part);
     Source no = keep ? settled(o[2], part, t2()) : source(o[2], part);
     const Ymm m = wide ? wideMask(o[0], part, t1()) : load(o[0], part, t1());

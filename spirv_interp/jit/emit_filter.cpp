@@ -90,16 +90,13 @@ void Emitter::filterHalvesPart(const FootprintPart& f) {
   // 12 offsets say where 32 texels are.
   const asmjit::Label general = a_.newLabel(), inside = a_.newLabel(), join = a_.newLabel();
   for (uint32_t k = 0; k < 4; k++) a_.vmovaps(ymm(k), f.operand[k]);
-  for (uint32_t k = 0; k < 4; k++) a_.vpaddd(ymm(4 + k), ymm(k / 2), ymm(2 + k % 2));
-  a_.vpmaxud(ymm(8), ymm(4), ymm(5));
-  a_.vpmaxud(ymm(9), ymm(6), ymm(7));
-  a_.vpmaxud(ymm(8), ymm(8), ymm(9));
+  a_.vpmaxud(ymm(8), ymm(0), ymm(1));
+  a_.vpmaxud(ymm(10), ymm(2), ymm(3));
+  a_.vpor(ymm(9), ymm(8), ymm(10));
+  a_.vpand(ymm(9), ymm(9), pool32(0x80000000u));   // sums of others do not wrap: the greatest row and column make the greatest corner
+  a_.vpaddd(ymm(8), ymm(8), ymm(10));
   a_.vpmaxud(ymm(8), ymm(8), f.limit);
   a_.vpxor(ymm(8), ymm(8), f.limit);   // not 0: a corner is out of bounds
-  a_.vpor(ymm(9), ymm(0), ymm(1));
-  a_.vpor(ymm(10), ymm(2), ymm(3));
-  a_.vpor(ymm(9), ymm(9), ymm(10));
-  a_.vpand(ymm(9), ymm(9), pool32(0x80000000u));   // sums of others do not wrap
   for (uint32_t k = 0; k < 4; k++) {
     if (k < 2) {
       a_.vpermq(ymm(10), ymm(k), 0x44);
@@ -153,7 +150,13 @@ void Emitter::filterHalvesPart(const FootprintPart& f) {
   a_.jmp(join);
 
   a_.bind(general);
-  for (uint32_t k = 0; k < 4; k++) a_.vmovaps(frameMem(footprintScratch_ + kFilterCorners, k), ymm(4 + k));
+  for (uint32_t k = 0; k < 4; k++) {
+    a_.vpaddd(ymm(4 + k), ymm(k / 2), ymm(2 + k % 2));
+    a_.vmovaps(frameMem(footprintScratch_ + kFilterCorners, k), ymm(4 + k));
+    if (k) a_.vpmaxud(ymm(8), k == 1 ? ymm(4) : ymm(8), ymm(4 + k));
+  }
+  a_.vpmaxud(ymm(8), ymm(8), f.limit);
+  a_.vpxor(ymm(8), ymm(8), f.limit);
   a_.mov(x86::rsi, at(f.limit, kRangeBase, 8));
   a_.vptest(ymm(8), ymm(8));
   a_.jz(inside);

@@ -108,6 +108,9 @@ void settleBounded(Plan& p) {
       case Op::FMul:
         if (!(bounded[o[0]] & bounded[o[1]])) continue;
         break;
+      case Op::Select:
+        if (!(bounded[o[1]] & bounded[o[2]])) continue;
+        break;
       case Op::FMin:
       case Op::FMax:
         if (!(bounded[o[0]] | bounded[o[1]])) continue;
