@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "spirv_interp/ir/builder.h"
@@ -29,51 +30,6 @@ std::vector<uint8_t> unseenSigns(const Function& f) {
       if (!product || k == 2) unseen[o[k]] = 0;
   }
   return unseen;
-}
-
-//! 0 / x = 0 for an x above 0, and 0 * x + y = y.
-void takeZerosAway(Function& f) {
-  // Most have none: they are not made anew.
-  if (std::none_of(f.insts.begin(), f.insts.end(), [&](const Inst& i) {
-        const auto o = f.operands(i);
-        return (i.op == Op::FDiv && isZero(f, o[0])) || (i.op == Op::Fma && (isZero(f, o[0]) || isZero(f, o[1])));
-      }))
-    return;
-  const std::vector<uint8_t> unseen = unseenSigns(f);
-  Function out = ir::withoutInstructions(f);
-  ir::Builder b(out);
-  std::vector<Value> map(f.insts.size()), operands;
-  const auto isFinite = [&](Value v) {
-    const ir::Limits l = ir::limitsOf(out, v);
-    return l.number && l.low > -HUGE_VAL && l.high < HUGE_VAL;
-  };
-  for (Value v = 1; v < f.insts.size(); v++) {
-    const Inst& i = f.insts[v];
-    operands.clear();
-    for (Value o : f.operands(v)) operands.push_back(map[o]);
-    b.setLine(i.line);
-    b.setInstFlags(i.flags);
-    if (i.op == Op::FDiv && isZero(out, operands[0]) && !out.insts[operands[0]].imm) {
-      const ir::Limits l = ir::limitsOf(out, operands[1]);
-      if (l.number && l.low > 0) {
-        map[v] = operands[0];
-        continue;
-      }
-    }
-    // An addend that is the result of arithmetic: its NaN is whatever a NaN of the sum would be.
-    if (i.op == Op::Fma && unseen[v] && ir::opInfo(out.insts[operands[2]].op).operands == OperandRule::Float &&
-        ((isZero(out, operands[0]) && isFinite(operands[1])) || (isZero(out, operands[1]) && isFinite(operands[0])))) {
-      map[v] = operands[2];
-      continue;
-    }
-    map[v] = b.emit(i.op, i.type, operands, i.imm);
-  }
-  f = std::move(out);
-}
-
-bool isArithmetic(const Inst& i) {
-  const ir::OpInfo& info = ir::opInfo(i.op);
-  return i.op == Op::Const || ((info.flags & ir::kPure) && info.operands != OperandRule::Free);
 }
 
 //! By local.alloc: a table of constants that is written anew each time before it is looked into, as `const float w[] = ...` is.
@@ -105,11 +61,97 @@ std::vector<uint8_t> constantTables(const Function& f) {
   return table;
 }
 
+//! A table so short that comparing is quicker than looking.
+struct ShortTable {
+  static constexpr size_t kMost = 8;
+  bool chosen = false;
+  std::vector<std::pair<uint64_t, uint64_t>> entries;   //!< byte offset, bits of the word there
+};
+
+//! By local.alloc. Words, looked for at multiples of four.
+std::vector<ShortTable> shortTables(const Function& f, const std::vector<uint8_t>& constant) {
+  std::vector<ShortTable> tables(f.insts.size());
+  for (Value v = 1; v < f.insts.size(); v++) tables[v].chosen = f.insts[v].op == Op::LocalAlloc && constant[v];
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    if (i.op != Op::LocalStore && i.op != Op::LocalLoad) continue;
+    const auto o = f.operands(v);
+    ShortTable& t = tables[o[0]];
+    const Inst& offset = f.insts[o[1]];
+    if (i.op == Op::LocalStore) {
+      const Inst& value = f.insts[o[2]];
+      const uint64_t at = uint32_t(offset.imm) + i.imm;
+      t.chosen &= ir::typeBytes(value.type) == 4 && at % 4 == 0 && at + 4 <= f.insts[o[0]].imm && t.entries.size() < ShortTable::kMost;
+      t.entries.push_back({at, value.imm});
+    } else {
+      const bool words = offset.op == Op::Const ? offset.imm % 4 == 0
+                                                : offset.op == Op::Shl && f.insts[f.operands(o[1])[1]].op == Op::Const && (f.insts[f.operands(o[1])[1]].imm & 31) >= 2;
+      t.chosen &= ir::typeBytes(i.type) == 4 && words && i.imm % 4 == 0;
+    }
+  }
+  return tables;
+}
+
+//! 0 / x = 0 for an x above 0, and 0 * x + y = y; words of short tables are chosen.
+void simplify(Function& f) {
+  // Most have neither: they are not made anew.
+  if (std::none_of(f.insts.begin(), f.insts.end(), [&](const Inst& i) {
+        const auto o = f.operands(i);
+        return i.op == Op::LocalAlloc || (i.op == Op::FDiv && isZero(f, o[0])) || (i.op == Op::Fma && (isZero(f, o[0]) || isZero(f, o[1])));
+      }))
+    return;
+  const std::vector<uint8_t> unseen = unseenSigns(f);
+  const std::vector<ShortTable> tables = shortTables(f, constantTables(f));
+  Function out = ir::withoutInstructions(f);
+  ir::Builder b(out);
+  std::vector<Value> map(f.insts.size()), operands;
+  const auto isFinite = [&](Value v) {
+    const ir::Limits l = ir::limitsOf(out, v);
+    return l.number && l.low > -HUGE_VAL && l.high < HUGE_VAL;
+  };
+  for (Value v = 1; v < f.insts.size(); v++) {
+    const Inst& i = f.insts[v];
+    operands.clear();
+    for (Value o : f.operands(v)) operands.push_back(map[o]);
+    b.setLine(i.line);
+    b.setInstFlags(i.flags);
+    if (tables[v].chosen || (i.op == Op::LocalStore && tables[f.operands(v)[0]].chosen)) continue;
+    if (i.op == Op::LocalLoad && tables[f.operands(v)[0]].chosen) {
+      b.setInstFlags(0);
+      Value word = b.zero(i.type);
+      for (const auto& [at, bits] : tables[f.operands(v)[0]].entries)
+        if (at >= i.imm) word = b.select(b.ieq(operands[1], b.i32(uint32_t(at - i.imm))), b.constant(i.type, bits), word);
+      map[v] = word;
+      continue;
+    }
+    if (i.op == Op::FDiv && isZero(out, operands[0]) && !out.insts[operands[0]].imm) {
+      const ir::Limits l = ir::limitsOf(out, operands[1]);
+      if (l.number && l.low > 0) {
+        map[v] = operands[0];
+        continue;
+      }
+    }
+    // An addend that is the result of arithmetic: its NaN is whatever a NaN of the sum would be.
+    if (i.op == Op::Fma && unseen[v] && ir::opInfo(out.insts[operands[2]].op).operands == OperandRule::Float &&
+        ((isZero(out, operands[0]) && isFinite(operands[1])) || (isZero(out, operands[1]) && isFinite(operands[0])))) {
+      map[v] = operands[2];
+      continue;
+    }
+    map[v] = b.emit(i.op, i.type, operands, i.imm);
+  }
+  f = std::move(out);
+}
+
+bool isArithmetic(const Inst& i) {
+  const ir::OpInfo& info = ir::opInfo(i.op);
+  return i.op == Op::Const || ((info.flags & ir::kPure) && info.operands != OperandRule::Free);
+}
+
 }  // namespace
 
 bool hoistInvariants(Function& f) {
-  if (std::none_of(f.insts.begin(), f.insts.end(), [](const Inst& i) { return i.op == Op::Loop; })) return false;
-  takeZerosAway(f);
+  if (std::none_of(f.insts.begin(), f.insts.end(), [](const Inst& i) { return i.op == Op::Loop || i.op == Op::LocalAlloc; })) return false;
+  simplify(f);
 
   const Value count = Value(f.insts.size());
   const std::vector<uint8_t> table = constantTables(f);

@@ -93,7 +93,37 @@ std::vector<Case> cases() {
       %at = shl i32 %turn, %two
       %entry = local.load f32 %table, %at
       %new = fadd f32 %old, %entry
-      var.set %sum, %new)", "%table = local.alloc i32 16\n"), 3},
+      var.set %sum, %new)", "%table = local.alloc i32 16\n"), -2},
+      {"shortTableOfIntegers", program(R"(
+      local.store +4 %table, %none, %most
+      local.store +8 %table, %none, %three
+      local.store +12 %table, %none, %one
+      local.store +4 %table, %none, %three
+      %at = shl i32 %k, %two
+      %entry = local.load i32 +4 %table, %at
+      %float = stof f32 %entry
+      %new = fadd f32 %old, %float
+      var.set %sum, %new)", "%table = local.alloc i32 16\n"), 7},
+      {"longTable", program(R"(
+      local.store %table, %none, %a
+      local.store +4 %table, %none, %b
+      local.store +8 %table, %none, %half
+      local.store +12 %table, %none, %a
+      local.store +16 %table, %none, %b
+      local.store +20 %table, %none, %half
+      local.store +24 %table, %none, %a
+      local.store +28 %table, %none, %b
+      local.store +32 %table, %none, %half
+      %at = shl i32 %turn, %two
+      %entry = local.load f32 +16 %table, %at
+      %new = fadd f32 %old, %entry
+      var.set %sum, %new)", "%table = local.alloc i32 40\n"), 9},
+      {"tableLookedIntoAnywhere", program(R"(
+      local.store %table, %none, %a
+      local.store +4 %table, %none, %b
+      %entry = local.load f32 %table, %k
+      %new = fadd f32 %old, %entry
+      var.set %sum, %new)", "%table = local.alloc i32 16\n"), 2},
       {"tableSeenBefore", program(R"(
       %entry = local.load f32 %table, %none
       local.store %table, %none, %a
