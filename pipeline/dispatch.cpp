@@ -271,7 +271,7 @@ void dispatch(base::ThreadPool& pool, const DispatchState& state, const uint32_t
   }
   std::copy(std::begin(state.dynamicOffsets), std::end(state.dynamicOffsets), constants.dynamicOffsets);
   interp::Tables tables;
-  fillTables(state.push, state.setMemory, state.setSize, state.pipeline->layout->sets.size(), constants, tables);
+  fillTables(state.push, state.setMemory, state.setSize, state.pipeline->layout->sets.size(), std::as_bytes(std::span(&constants, 1)), tables);
   const interp::UniformBank bank = routine->code->preamble(tables);
 
   const uint32_t invocations = routine->localSize[0] * routine->localSize[1] * routine->localSize[2];

@@ -91,7 +91,7 @@ class ChunkSource {
 
 void FrontDraw::prepare(base::Arena* arena) {
   prepared = true;
-  bank = vertex->code->preamble(tables);
+  bank = vertex->code->preamble(tables.data());
   if (record->fragment) record->bank = record->fragment->code->preamble(record->tables, arena);
 }
 
@@ -112,7 +112,7 @@ T* const* FrontDraw::shade(FrontWorker& w) const {
   interp::ExecContext context;
   context.inputs = reinterpret_cast<const void* const*>(inputs);
   context.outputs = outputs;
-  context.tables = tables;
+  context.tables = tables.data();
   context.stop = stop;
   for (uint32_t at = 0; at < count; at += interp::kMaxLanes) {
     context.lanes = std::min(count - at, interp::kMaxLanes);
@@ -241,11 +241,15 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   // Invocations that can be seen: those of one draw after those of another.
   if (lookedAt) runFront();
   DrawRecord& record = draws.add();
+  const uint32_t constantBytes = uint32_t(offsetof(DrawConstants, dynamicOffsets) + 4 * pipeline.layout->dynamicOffsets());
+  const uint32_t pushBytes = std::min(pipeline.layout->pushBytes, kMaxPushBytes), sets = uint32_t(pipeline.layout->sets.size());
+  const DrawList::Values values = draws.makeValues({constantBytes, pushBytes, ir::kTableSet0 + sets, fixed.viewportCount});
   if (!fixed.rasterizerDiscard && !beginFragments(state, record, lookedAt)) return draws.removeLast();
   record.pipeline = state.pipeline;
   record.occlusion = occlusion;
   record.query = query;
-  DrawConstants& c = record.constants;
+  record.samples = fixed.samples;
+  DrawConstants c;
   fillConstants(state, c);
   c.vertexOffset = params.indexed ? params.vertexOffset : int32_t(params.first);
   c.firstVertex = params.first;
@@ -255,14 +259,15 @@ void PassExecutor::Impl::draw(const DrawState& state, const DrawParams& params) 
   c.samples = fixed.samples;
   c.passDraw = uint32_t(counters.draws);
   if (fixed.decisions) beginDecisions();
-  std::memcpy(record.push, state.push, sizeof record.push);
-  fillTables(record.push, state.setMemory, state.setSize, pipeline.layout->sets.size(), c, record.tables);
+  std::memcpy(values.constants, &c, constantBytes);
+  std::memcpy(values.push, state.push, pushBytes);
+  fillTables({values.push, pushBytes}, state.setMemory, state.setSize, sets, {values.constants, constantBytes}, record.tables);
 
   counters.varyingsInterpolated += pipeline.link.varyings.size();
   counters.varyingsDropped += pipeline.link.unread;
-  collected += sizeof(DrawRecord);
+  collected += sizeof(DrawRecord) + constantBytes + pushBytes + (ir::kTableSet0 + sets) * sizeof(interp::Table);
   if (query) countFrontEnd(*query, false);
-  frontEnd(state, params, std::move(vertex), record);
+  frontEnd(state, params, c, std::move(vertex), record);
   if (lookedAt) runFront();
   if (query) countFrontEnd(*query, true);
 }
@@ -303,7 +308,8 @@ void PassExecutor::Impl::countFrontEnd(PipelineStatistics& statistics, bool add)
   }
 }
 
-void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& params, std::shared_ptr<const VertexRoutine> vertex, DrawRecord& record) {
+void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& params, const DrawConstants& constants,
+                                   std::shared_ptr<const VertexRoutine> vertex, DrawRecord& record) {
   const GraphicsState& fixed = record.pipeline->state;
   Indices indices;
   if (params.indexed) {
@@ -357,10 +363,13 @@ void PassExecutor::Impl::frontEnd(const DrawState& state, const DrawParams& para
 
   draw.vertex = std::move(vertex);
   draw.record = &record;
-  draw.constants.draw = record.constants;
-  std::memcpy(draw.constants.vertexBuffers, state.vertexBuffers, sizeof draw.constants.vertexBuffers);
-  std::copy(std::begin(record.tables), std::end(record.tables), draw.tables);
-  draw.tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&draw.constants), sizeof draw.constants};
+  uint32_t buffers = 0;
+  for (const VkVertexInputBindingDescription& b : fixed.vertexBindings) buffers = std::max(buffers, b.binding + 1);
+  draw.constants.resize(offsetof(VertexConstants, vertexBuffers) + buffers * sizeof(VertexBufferRef));
+  std::memcpy(draw.constants.data(), &constants, sizeof constants);
+  if (buffers) std::memcpy(draw.constants.data() + offsetof(VertexConstants, vertexBuffers), state.vertexBuffers, buffers * sizeof(VertexBufferRef));
+  draw.tables.assign(record.tables, record.tables + ir::kTableSet0 + record.pipeline->layout->sets.size());
+  draw.tables[ir::kTableDraw] = {draw.constants.data(), draw.constants.size()};
   draw.prepared = false;
   draw.grid = &bins->grid();
   draw.indices = indices;
@@ -405,7 +414,7 @@ void PassExecutor::Impl::runFront(bool drawGoesOn) {
     counters.primitives += chunk.primitives.size();
   }
   waiting->clear(drawGoesOn);
-  if (collected > kBinBudget) flush();
+  if (collected > kBinBudget || draws.size() > kDrawBudget) flush();
 }
 
 }  // namespace pumice::pipeline

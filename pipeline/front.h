@@ -73,8 +73,8 @@ struct Indices {
 struct FrontDraw {
   std::shared_ptr<const VertexRoutine> vertex;
   DrawRecord* record = nullptr;
-  VertexConstants constants;
-  interp::Tables tables;             //!< the record's, with these constants
+  std::vector<std::byte> constants;  //!< VertexConstants, to the last vertex buffer that there is
+  std::vector<interp::Table> tables; //!< the record's, with these constants
   interp::UniformBank bank;
   bool prepared = false;
   raster::SetupState setup;

@@ -11,6 +11,8 @@
 
 namespace pumice::pipeline {
 
+constexpr uint32_t kMaxDynamicOffsets = 32;   //!< maxDescriptorSet{Uniform,Storage}BuffersDynamic together
+
 struct Binding {
   VkDescriptorType type = VK_DESCRIPTOR_TYPE_MAX_ENUM;
   uint32_t count = 0;
@@ -64,6 +66,13 @@ struct Layout {
   std::vector<SetLayout> sets;               //!< copies: layouts may be destroyed before pipelines
   std::vector<uint32_t> dynamicBase;         //!< per set: index of its first dynamic offset in DrawConstants
   uint32_t pushBytes = 0;
+  //! Of all sets: those of DrawConstants that are used.
+  uint32_t dynamicOffsets() const {
+    uint32_t end = 0;
+    for (size_t i = 0; i < sets.size(); ++i)
+      if (sets[i].dynamicCount) end = std::max(end, (i < dynamicBase.size() ? dynamicBase[i] : 0) + sets[i].dynamicCount);
+    return std::min(end, kMaxDynamicOffsets);
+  }
   const Binding* find(uint32_t set, uint32_t binding) const {
     if (set >= sets.size()) return nullptr;
     auto it = sets[set].bindings.find(binding);
@@ -73,7 +82,6 @@ struct Layout {
 
 constexpr uint32_t kMaxPushBytes = 256;
 constexpr uint32_t kMaxGroupInvocations = 1024;   //!< of a work group, in any shape
-constexpr uint32_t kMaxDynamicOffsets = 32;   //!< maxDescriptorSet{Uniform,Storage}BuffersDynamic together
 constexpr uint32_t kMaxVertexBindings = 32;
 constexpr uint32_t kMaxVertexAttributes = 32;
 constexpr uint32_t kMaxColorAttachments = 8;

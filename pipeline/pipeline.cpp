@@ -261,10 +261,10 @@ void fillConstants(const DrawState& draw, DrawConstants& c) {
   std::memcpy(c.dynamicOffsets, draw.dynamicOffsets, sizeof c.dynamicOffsets);
 }
 
-void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, size_t sets, const DrawConstants& constants,
-                interp::Tables& tables) {
-  tables[ir::kTablePush] = {push, kMaxPushBytes};
-  tables[ir::kTableDraw] = {reinterpret_cast<const std::byte*>(&constants), sizeof constants};
+void fillTables(std::span<const std::byte> push, const std::byte* const* setMemory, const uint64_t* setSize, size_t sets,
+                std::span<const std::byte> constants, interp::Table* tables) {
+  tables[ir::kTablePush] = {push.data(), push.size()};
+  tables[ir::kTableDraw] = {constants.data(), constants.size()};
   for (size_t i = 0; i < std::min<size_t>(sets, ir::kMaxDescriptorSets); ++i)
     tables[ir::kTableSet0 + i] = {setMemory[i], setMemory[i] ? setSize[i] : 0};
   const texture::ConstantTable constantsOfFormats = texture::constantTable();

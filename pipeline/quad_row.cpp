@@ -120,7 +120,7 @@ void QuadRow::setDraw(DrawRecord* draw) {
   invocations_ = 0;
   draw_ = draw;
   if (!draw) return;
-  samples_ = draw->constants.samples;
+  samples_ = draw->samples;
   helpers_ = draw->fragment->needsHelpers;
   counts_ = (draw->occlusion || pass_.statistics) && !draw->settled;
   whole_ = draw->fragment->hasRows(Rows::Whole) && !counts_ && !pass_.statistics && !draw->query && !(pass_.disabled & bit(Idea::WholeBlocks));

@@ -141,8 +141,8 @@ std::shared_ptr<const ComputeRoutine> computeRoutine(ComputePipeline& pipeline, 
 //! The draw constants that come from state; vertexOffset and what follows it up to drawIndex are the draw command's.
 void fillConstants(const DrawState& draw, DrawConstants& constants);
 //! The table list of a draw. Everything pointed to must outlive the routines' runs.
-//! `sets`: those of the pipeline's layout; tables of others, which no shader of it reads, stay as they are.
-void fillTables(const std::byte* push, const std::byte* const* setMemory, const uint64_t* setSize, size_t sets, const DrawConstants& constants,
-                interp::Tables& tables);
+//! `sets`: those of the pipeline's layout; no shader of it reads tables of others, so there need not be any.
+void fillTables(std::span<const std::byte> push, const std::byte* const* setMemory, const uint64_t* setSize, size_t sets,
+                std::span<const std::byte> constants, interp::Table* tables);
 
 }  // namespace pumice::pipeline

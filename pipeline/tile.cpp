@@ -275,7 +275,7 @@ void TileWorker::other(DrawRecord& draw, const raster::Primitive& primitive) {
     const bool large = std::max(primitive.maxX - primitive.minX, primitive.maxY - primitive.minY) >= 16;
     if (rejects_ && large && !pass_.statistics && visibility_.othersFail(0, 0, raster::kTileSize)) return;
   }
-  raster::rasterize(primitive, tileX_, tileY_, pass_.pass.renderArea, draw.constants.samples, *this);
+  raster::rasterize(primitive, tileX_, tileY_, pass_.pass.renderArea, draw.samples, *this);
 }
 
 bool TileWorker::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
@@ -308,7 +308,7 @@ bool TileWorker::square(uint32_t x, uint32_t y, uint32_t size, bool whole) {
 void TileWorker::block(uint32_t x, uint32_t y, const uint16_t* masks) {
   const uint32_t n = raster::blockNumber(x & (raster::kTileSize - 1), y & (raster::kTileSize - 1));
   if (rejects_ && visibility_.otherFails(n)) {
-    for (uint32_t s = 0; s < draw_->constants.samples; ++s) rejected_ += uint32_t(std::popcount(masks[s]));
+    for (uint32_t s = 0; s < draw_->samples; ++s) rejected_ += uint32_t(std::popcount(masks[s]));
     return;
   }
   if (writes_) visibility_.otherWrote(n);

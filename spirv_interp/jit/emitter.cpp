@@ -53,6 +53,7 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
 
   a_.bind(bodyLabel);
   body();
+  out.bankKept = bankSlots_ * kVectorBytes;
   a_.align(asmjit::AlignMode::kCode, 16);
   a_.bind(preambleLabel);
   makePreamble();

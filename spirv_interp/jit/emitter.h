@@ -30,6 +30,7 @@ struct Emitted {
   std::vector<std::unique_ptr<CallOut>> callOuts;
   std::vector<std::unique_ptr<LocalAccess>> localAccesses;
   uint32_t bankBytes = 0, frameBytes = 0, localBytes = 0;
+  uint32_t bankKept = 0;   //!< of bankBytes, from the start: what the body reads; the rest is the preamble's own
   uint32_t chunkLanes = 0;
   bool suspends = false, wholeBlocks = false;
   bool groups = false;   //!< chunks of a work group follow one another inside of one call

@@ -59,16 +59,21 @@ class Native final : public Executable {
   }
 
   UniformBank preamble(const interp::Table* tables, base::Arena* arena) const override {
-    UniformBank bank = UniformBank::make((e_.bankBytes + kAlign) / 8, arena);
-    if (!e_.bankBytes) return bank;
+    UniformBank bank = UniformBank::make((e_.bankKept + kAlign) / 8, arena);
+    if (!e_.bankKept) return bank;
     alignas(kAlign) std::byte frame[kFrameSlots];
     const ExecContext none;
     ChunkCall call{};
     call.tables = tables;
     call.context = &none;
-    std::byte* slots = aligned(bank.slots.get());
+    // What only the preamble reads is not kept.
+    std::byte* slots;
+    if (e_.bankBytes <= kMaxStackBytes) slots = aligned(alloca(e_.bankBytes + kAlign));
+    else if (!(slots = scratch.get(e_.bankBytes))) return base::logError("out of memory: values of a draw are zero"), std::move(bank);
+    std::memset(slots, 0, e_.bankBytes);
     call.bank = slots;
     preamble_(frame, slots, &call, pool_);
+    std::memcpy(aligned(bank.slots.get()), slots, e_.bankKept);
     return bank;
   }
 

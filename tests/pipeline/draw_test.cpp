@@ -201,7 +201,7 @@ TEST(Draw, ThousandsOfSmallDrawsAreAsOneLargeOne) {
   std::uniform_real_distribution<float> unit(0, 1);
   std::vector<std::vector<ColorVertex>> triangles;
   Scene once(96, 80), many(96, 80, VK_FORMAT_UNDEFINED, 3);
-  for (int i = 0; i < 2500; ++i) {
+  for (int i = 0; i < 5000; ++i) {
     const float x = unit(random) * 96, y = unit(random) * 80, size = 4 + 30 * unit(random);
     triangles.push_back(triangle(once, {x, y, x + size, y + size * unit(random), x - size * unit(random), y + size}, 0.5f,
                                  {unit(random), unit(random), unit(random), unit(random)}));
