@@ -4,6 +4,7 @@
 #include <cstring>
 #include <mutex>
 
+#include "base/arena_slices.h"
 #include "base/env.h"
 #include "base/fpenv.h"
 #include "base/log.h"
@@ -79,7 +80,11 @@ PassExecutor::Impl::Impl(base::ThreadPool& threads) : pool(threads), stats(base:
   for (unsigned i = 0; i < pool.workerCount(); ++i) front.push_back(std::make_unique<FrontWorker>());
   disable(disabledIdeas());
 }
-PassExecutor::Impl::~Impl() = default;
+PassExecutor::Impl::~Impl() {
+  front.clear();
+  clearArena.release();
+  base::trimArenaSlices();
+}
 
 void PassExecutor::Impl::disable(Ideas ideas) {
   disabled = ideas;

@@ -1,9 +1,12 @@
 #include "base/arena.h"
+#include "base/arena_slices.h"
 
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace pumice::base {
@@ -91,6 +94,78 @@ TEST(Arena, ImpossibleSizesGiveNull) {
   EXPECT_EQ(arena.alloc<uint64_t>(std::numeric_limits<size_t>::max() / 4), nullptr);
   EXPECT_EQ(arena.allocBytes(std::numeric_limits<size_t>::max() - 8), nullptr);
   EXPECT_NE(arena.alloc<int>(), nullptr);
+}
+
+// Fills an arena with pieces that say whose they are.
+struct Marked {
+  Arena arena;
+  std::vector<std::span<uint32_t>> pieces;
+  uint32_t mark;
+  explicit Marked(uint32_t m) : mark(m) {}
+  void add(size_t bytes) {
+    std::span<uint32_t> piece(arena.alloc<uint32_t>(bytes / 4, 64), bytes / 4);
+    std::fill(piece.begin(), piece.end(), mark);
+    pieces.push_back(piece);
+  }
+  bool intact() const {
+    for (std::span<uint32_t> piece : pieces)
+      for (uint32_t word : piece)
+        if (word != mark) return false;
+    return true;
+  }
+  void reset() {
+    pieces.clear();
+    arena.reset();
+  }
+};
+
+TEST(Arena, LargeOnesUseWhatOthersHaveGivenBack) {
+  trimArenaSlices();
+  ASSERT_EQ(arenaSlicesFootprint(), 0u);
+  Marked a(1), b(2);
+  const auto grow = [](Marked& m) {
+    for (int i = 0; i < 150; i++) m.add(64 * 1000);
+  };
+  grow(a);
+  const size_t once = arenaSlicesFootprint();
+  EXPECT_GT(once, 6u << 20);
+  EXPECT_LT(once, 12u << 20);
+  for (int i = 0; i < 3; i++) {
+    a.reset();
+    EXPECT_LE(a.arena.footprint(), 1u << 20);
+    a.add(64 * 1000);   // what is left is still its own
+    grow(b);
+    EXPECT_TRUE(a.intact());
+    EXPECT_TRUE(b.intact());
+    b.reset();
+    grow(a);
+    EXPECT_TRUE(a.intact());
+    EXPECT_LE(arenaSlicesFootprint(), once + (2u << 20));
+  }
+  a.arena.release();
+  b.arena.release();
+  trimArenaSlices();
+  EXPECT_EQ(arenaSlicesFootprint(), 0u);
+}
+
+TEST(Arena, ThreadsShareSlicesWithoutSharingContents) {
+  std::vector<std::thread> threads;
+  for (uint32_t t = 0; t < 4; t++)
+    threads.emplace_back([t] {
+      std::mt19937 random(t);
+      Marked m(t + 1);
+      for (int i = 0; i < 1500; i++) {
+        m.add(4 * (1 + random() % 20000));
+        if (random() % 100) continue;
+        ASSERT_TRUE(m.intact());
+        if (random() % 2) m.reset();
+        else m.pieces.clear(), m.arena.release();
+      }
+      ASSERT_TRUE(m.intact());
+    });
+  for (std::thread& t : threads) t.join();
+  trimArenaSlices();
+  EXPECT_EQ(arenaSlicesFootprint(), 0u);
 }
 
 }  // namespace
