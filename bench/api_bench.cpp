@@ -203,6 +203,53 @@ void draws10000(benchmark::State& state) {
 }
 BENCHMARK(draws10000)->ArgName("change")->DenseRange(kNothing, kSet)->UseRealTime()->MeasureProcessCPUTime()->Unit(benchmark::kMillisecond);
 
+// A frame of 1,000 draws, each with another texture of an array of as many.
+void drawsFromArray(benchmark::State& state) {
+  const uint32_t count = uint32_t(state.range(0));
+  Scene scene(64);
+  Workspace& work = scene.canvas;
+  Image image = work.texture(4, 4, std::vector<uint8_t>(64, 255));
+  const VkDescriptorImageInfo info{work.sampler(VK_FILTER_LINEAR, VK_SAMPLER_ADDRESS_MODE_REPEAT), work.view(image), VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL};
+  VkDescriptorSetLayoutBinding binding{0, VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, count, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr};
+  VkDescriptorSetLayoutCreateInfo layoutInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO, nullptr, 0, 1, &binding};
+  VkDescriptorSetLayout layout = VK_NULL_HANDLE;
+  check(vkCreateDescriptorSetLayout(device().handle, &layoutInfo, nullptr, &layout), "vkCreateDescriptorSetLayout");
+  VkDescriptorPoolSize size{VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, count};
+  VkDescriptorPoolCreateInfo poolInfo{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO, nullptr, 0, 1, 1, &size};
+  VkDescriptorPool pool = VK_NULL_HANDLE;
+  check(vkCreateDescriptorPool(device().handle, &poolInfo, nullptr, &pool), "vkCreateDescriptorPool");
+  VkDescriptorSetAllocateInfo allocate{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO, nullptr, pool, 1, &layout};
+  VkDescriptorSet set = VK_NULL_HANDLE;
+  check(vkAllocateDescriptorSets(device().handle, &allocate, &set), "vkAllocateDescriptorSets");
+  const std::vector<VkDescriptorImageInfo> infos(count, info);
+  VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET, nullptr, set, 0, 0, count, binding.descriptorType, infos.data(), nullptr, nullptr};
+  vkUpdateDescriptorSets(device().handle, 1, &write, 0, nullptr);
+  PipelineSpec spec;
+  spec.fragment = "#version 450\nlayout(set = 0, binding = 0) uniform sampler2D t[" + std::to_string(count) + R"(];
+layout(push_constant) uniform P { uint i; } p; layout(location = 0) in vec4 passed; layout(location = 0) out vec4 target;
+void main() { target = passed + texture(t[p.i], gl_FragCoord.xy / 64.0); })";
+  spec.sets = {layout};
+  spec.pushConstants = {{VK_SHADER_STAGE_FRAGMENT_BIT, 0, 4}};
+  Pipeline pipeline = scene.canvas.pipeline(spec);
+  Commands c;
+  c.begin();
+  scene.begin(c.buffer);
+  vkCmdBindPipeline(c.buffer, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.handle);
+  vkCmdBindDescriptorSets(c.buffer, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.layout, 0, 1, &set, 0, nullptr);
+  for (uint32_t i = 0; i < 1000; i++) {
+    const uint32_t which = i % count;
+    vkCmdPushConstants(c.buffer, pipeline.layout, VK_SHADER_STAGE_FRAGMENT_BIT, 0, 4, &which);
+    vkCmdDraw(c.buffer, 3, 1, 0, 0);
+  }
+  vkCmdEndRenderPass(c.buffer);
+  c.end();
+  for (auto _ : state) c.submit();
+  state.SetLabel(std::to_string(count) + " textures");
+  vkDestroyDescriptorPool(device().handle, pool, nullptr);
+  vkDestroyDescriptorSetLayout(device().handle, layout, nullptr);
+}
+BENCHMARK(drawsFromArray)->Arg(16)->Arg(4096)->UseRealTime()->MeasureProcessCPUTime()->Unit(benchmark::kMillisecond);
+
 void updateBufferDescriptor(benchmark::State& state) {
   Scene scene(64);
   VkDescriptorBufferInfo info{scene.uniforms.handle, 0, 256};

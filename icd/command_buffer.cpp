@@ -286,11 +286,12 @@ static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipe
   SetMemory set{&layout.sets[number]};
   set.size = set.layout->size;
   if (!set.size) return;
-  set.memory = static_cast<std::byte*>(cb.arena.allocBytes(set.size, 64));
-  if (!set.memory) {
+  auto* memory = static_cast<std::byte*>(cb.arena.allocBytes(headerBytes(*set.layout) + set.size, 64));
+  if (!memory) {
     cb.outOfMemory = true;
     return;
   }
+  set.memory = memory + headerBytes(*set.layout);
   auto push = [&](auto& state, const std::byte*& pushed) {
     // What was pushed before stays, if it is still what is bound there.
     if (pushed && state.setMemory[number] == pushed && state.setSize[number] == set.size)

@@ -1,6 +1,7 @@
 #include "icd/descriptors.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 
 #include "entrypoints.h"
@@ -10,6 +11,17 @@ namespace {
 
 constexpr bool isDynamic(VkDescriptorType type) {
   return type == VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC || type == VK_DESCRIPTOR_TYPE_STORAGE_BUFFER_DYNAMIC;
+}
+
+constexpr bool isBuffer(VkDescriptorType type) {
+  return isDynamic(type) || type == VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER || type == VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+}
+
+//! What is known of the set's arrays is so no longer.
+void written(const SetMemory& set) {
+  static std::atomic<uint64_t> generations{0};
+  if (!set.layout->headed || !set.memory) return;
+  std::atomic_ref(reinterpret_cast<pipeline::SetHeader*>(set.memory)[-1].generation).store(++generations, std::memory_order_release);
 }
 
 // An inline uniform block's bytes follow its descriptor.
@@ -49,6 +61,7 @@ pipeline::SetLayout makeSetLayout(const VkDescriptorSetLayoutCreateInfo& info) {
   for (auto& [number, binding] : layout.bindings) {
     binding.offset = layout.size;
     layout.size += (binding.stride * binding.count + 63) & ~63u;
+    layout.headed |= binding.count > 1 && !isBuffer(binding.type);
     if (isDynamic(binding.type)) {
       binding.dynamicIndex = layout.dynamicCount;
       layout.dynamicCount += binding.count;
@@ -178,6 +191,7 @@ void copyDescriptors(const VkCopyDescriptorSet& c) {
     std::memmove(dst.address(), src.address(), std::min(src.binding().stride, dst.binding().stride));
     if (const auto& fixed = dst.binding().immutableSamplers; !fixed.empty()) *samplerPart(dst.binding().type, dst.address()) = fixed[dst.element()];
   }
+  written(to_);
 }
 
 }  // namespace
@@ -194,6 +208,7 @@ void initSetMemory(const SetMemory& set) {
       std::memcpy(set.at(b, 0), &d, sizeof d);
     }
   }
+  written(set);
 }
 
 void writeDescriptors(const SetMemory& set, const VkWriteDescriptorSet& w) {
@@ -204,6 +219,7 @@ void writeDescriptors(const SetMemory& set, const VkWriteDescriptorSet& w) {
   }
   auto [source, stride] = sourceOf(w);
   writeElements(set, w.dstBinding, w.dstArrayElement, w.descriptorCount, w.descriptorType, source, stride);
+  written(set);
 }
 
 void writeDescriptors(const SetMemory& set, const DescriptorUpdateTemplate& update, const void* data) {
@@ -214,6 +230,7 @@ void writeDescriptors(const SetMemory& set, const DescriptorUpdateTemplate& upda
     else
       writeElements(set, e.dstBinding, e.dstArrayElement, e.descriptorCount, e.descriptorType, source, e.stride);
   }
+  written(set);
 }
 
 bool DescriptorPool::take(const pipeline::SetLayout& layout, uint32_t variableCount) {
@@ -233,10 +250,11 @@ DescriptorSet* DescriptorPool::make(const DescriptorSetLayout& handle, uint32_t 
     const pipeline::Binding& last = layout.bindings.back().second;
     if (last.variable && !last.inlineBytes) size = last.offset + ((last.stride * elementsOf(last, variableCount) + 63) & ~63u);
   }
-  // The descriptors first, then the object.
-  const size_t whole = size_t(size) + sizeof(DescriptorSet);
+  // The header and the descriptors first, then the object.
+  const size_t header = headerBytes(layout), whole = header + size + sizeof(DescriptorSet);
   auto* memory = static_cast<std::byte*>(freesSets ? allocator.allocate(whole, 64, VK_SYSTEM_ALLOCATION_SCOPE_OBJECT) : arena.allocBytes(whole, 64));
   if (!memory) return nullptr;
+  memory += header;
   auto* set = new (memory + size) DescriptorSet{{&layout, size ? memory : nullptr, size, variableCount}, handle.layout};
   sets.insert(set);
   if (size) initSetMemory(*set);
@@ -251,7 +269,7 @@ void DescriptorPool::free(DescriptorSet* set) {
 
 void DescriptorPool::destroy(DescriptorSet* set) {
   sets.erase(set);
-  std::byte* memory = reinterpret_cast<std::byte*>(set) - set->size;
+  std::byte* memory = reinterpret_cast<std::byte*>(set) - set->size - headerBytes(*set->layout);
   set->~DescriptorSet();
   if (freesSets) allocator.free(memory);
 }

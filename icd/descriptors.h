@@ -32,6 +32,9 @@ struct DescriptorSet : SetMemory {
   DescriptorSet *previous = nullptr, *next = nullptr;   //!< of the pool
 };
 
+//! Before the memory of a set.
+inline size_t headerBytes(const pipeline::SetLayout& layout) { return layout.headed ? sizeof(pipeline::SetHeader) : 0; }
+
 //! What is in new set memory: null descriptors, immutable samplers, inline uniform blocks.
 void initSetMemory(const SetMemory& set);
 void writeDescriptors(const SetMemory& set, const VkWriteDescriptorSet& write);

@@ -56,9 +56,15 @@ class BindingTable {
   std::vector<Entry> entries_;
 };
 
+//! Lies before the memory of sets whose layout is `headed`.
+struct alignas(64) SetHeader {
+  uint64_t generation = 0;      //!< another one after each write, and never that of another set (atomic)
+};
+
 struct SetLayout {
   BindingTable bindings;
   uint32_t size = 0;            //!< bytes of set memory
+  bool headed = false;          //!< has arrays of images or samplers: what is in them is remembered as long as nobody writes
   uint32_t dynamicCount = 0;
 };
 

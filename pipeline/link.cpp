@@ -1,6 +1,9 @@
 #include "pipeline/link.h"
 
 #include <algorithm>
+#include <atomic>
+#include <map>
+#include <mutex>
 #include <set>
 
 #include "texture/addressing.h"
@@ -192,6 +195,41 @@ ImageState stateOf(const Binding& binding, uint32_t element, const std::byte* by
   return state;
 }
 
+//! States of the first `count` elements of an array, each once; `memory` is that of its set.
+std::vector<ImageState> statesOfArray(const Binding& binding, const std::byte* memory, uint64_t count) {
+  std::vector<ImageState> states;
+  for (uint32_t e = 0; e < count; ++e) {
+    const ImageState state = stateOf(binding, e, memory + binding.offset + uint64_t(e) * binding.stride);
+    // Neighbours are mostly alike: the latest first.
+    if (std::find(states.rbegin(), states.rend(), state) == states.rend()) states.push_back(state);
+  }
+  return states;
+}
+
+//! The same, remembered until the set is written. Draws that index an array of thousands would look at all of them each time.
+class ArrayStates {
+ public:
+  std::vector<ImageState> find(const Binding& binding, const std::byte* memory, uint64_t count) {
+    auto* header = const_cast<SetHeader*>(reinterpret_cast<const SetHeader*>(memory) - 1);
+    // Read first: what is written meanwhile gets another one afterwards.
+    const uint64_t generation = std::atomic_ref(header->generation).load(std::memory_order_acquire);
+    const std::pair key(generation, binding.offset);
+    std::lock_guard lock(mutex_);
+    if (const auto it = known_.find(key); it != known_.end()) return it->second;
+    if (known_.size() >= kMost) known_.clear();
+    return known_[key] = statesOfArray(binding, memory, count);
+  }
+
+ private:
+  static constexpr size_t kMost = 4096;
+  std::mutex mutex_;
+  std::map<std::pair<uint64_t, uint32_t>, std::vector<ImageState>> known_;   //!< by generation and offset of the binding
+};
+ArrayStates& arrayStates() {
+  static ArrayStates states;
+  return states;
+}
+
 }  // namespace
 
 std::vector<ImageState> ImageUses::read(const Shader& shader, const Layout& layout, const std::byte* const* setMemory,
@@ -202,24 +240,18 @@ std::vector<ImageState> ImageUses::read(const Shader& shader, const Layout& layo
     const frontend::Resource& r = shader.resources[uses_[i].resource];
     const Binding* binding = layout.find(r.set, r.binding);
     const size_t first = states.size();
-    const auto put = [&](uint32_t element) {
-      const uint64_t offset = binding->offset + uint64_t(element) * binding->stride;
-      const bool present = setMemory[r.set] && offset + binding->stride <= setSize[r.set];
-      ImageState state = stateOf(*binding, element, present ? setMemory[r.set] + offset : nullptr);
-      state.use = i;
-      // Neighbours are mostly alike: the latest first.
-      for (size_t k = states.size(); k-- > first;)
-        if (states[k] == state) return;
-      states.push_back(state);
-    };
-    if (uses_[i].element != kIndexed) {
-      if (binding && uses_[i].element < binding->count) put(uses_[i].element);
-    } else if (binding) {
-      // A set may have fewer elements than its layout.
-      const uint64_t room = setMemory[r.set] && setSize[r.set] > binding->offset ? (setSize[r.set] - binding->offset) / binding->stride : 0;
-      for (uint32_t e = 0; e < std::min<uint64_t>(binding->count, room); ++e) put(e);
+    const std::byte* memory = setMemory[r.set];
+    // A set may have fewer elements than its layout.
+    const uint64_t room = binding && memory && setSize[r.set] > binding->offset ? (setSize[r.set] - binding->offset) / binding->stride : 0;
+    if (const uint32_t element = uses_[i].element; element != kIndexed) {
+      if (binding && element < binding->count)
+        states.push_back(stateOf(*binding, element, element < room ? memory + binding->offset + uint64_t(element) * binding->stride : nullptr));
+    } else if (const uint64_t count = binding ? std::min<uint64_t>(binding->count, room) : 0) {
+      const std::vector<ImageState> found = layout.sets[r.set].headed ? arrayStates().find(*binding, memory, count) : statesOfArray(*binding, memory, count);
+      states.insert(states.end(), found.begin(), found.end());
     }
-    if (states.size() == first) states.push_back({i, {}, {}});
+    if (states.size() == first) states.emplace_back();
+    for (size_t k = first; k < states.size(); ++k) states[k].use = i;
   }
   return states;
 }

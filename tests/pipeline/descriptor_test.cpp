@@ -107,6 +107,36 @@ void main() { target = textureLod(images[int(gl_FragCoord.y) / 16], gl_FragCoord
     }
 }
 
+// What is in an array is looked at once for each generation of its set.
+TEST(Descriptors, ArraysOfHeadedSetsAreReadAgainWhenTheyAreWritten) {
+  Textured t;
+  struct {
+    SetHeader header;
+    std::array<texture::CombinedDescriptor, 2> set;
+  } memory{{1ull << 40}, t.set};
+  t.layout->sets[0].headed = true;
+  auto d = t.scene.drawState(t.pipeline(R"(#version 450
+layout(set = 0, binding = 0) uniform sampler2D images[2];
+layout(location = 0) out vec4 target;
+void main() { target = textureLod(images[int(gl_FragCoord.y) / 16], gl_FragCoord.xy / 32.0, 0.0); })"));
+  d.setMemory[0] = reinterpret_cast<const std::byte*>(memory.set.data());
+  d.setSize[0] = sizeof memory.set;
+  const auto pixel = [&] {
+    t.scene.begin();
+    t.scene.draw(d, rectangle(t.scene, 0, 0, 32, 32, 0.5f, {1, 1, 1, 1}));
+    t.scene.end();
+    return t.scene.color.rgba(13, 29);
+  };
+  EXPECT_EQ(pixel(), (Rgba{60, 140, 2, 255}));
+  uint8_t* swizzle = memory.set[1].image.key.swizzle;
+  std::swap(swizzle[0], swizzle[2]);
+  const uint64_t linked = routineCounts().linked;
+  EXPECT_EQ(pixel(), (Rgba{0, 0, 0, 0})) << "of a state that nobody has heard of";
+  EXPECT_EQ(routineCounts().linked, linked);
+  memory.header.generation++;
+  EXPECT_EQ(pixel(), (Rgba{2, 140, 60, 255}));
+}
+
 // More states than routines are kept for, again and again: from the second time on table routines serve them.
 TEST(Descriptors, StatesBeyondTheVariantsThatAreKeptShareRoutines) {
   Textured t;
