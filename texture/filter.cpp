@@ -1,6 +1,7 @@
 #include "texture/filter.h"
 
 #include <cstddef>
+#include <span>
 
 #include "texture/block.h"
 
@@ -88,18 +89,23 @@ Value Filter::wrapIndex(uint8_t mode, Value i, Value extent, bool anyInteger) {
   }
 }
 
+// The periodic part is removed while the coordinate is normalised: fractions are exact and no division is needed.
+Value Filter::withinPeriod(uint8_t mode, Value u) {
+  // At most 1 already, but for infinite coordinates.
+  if (mode == VK_SAMPLER_ADDRESS_MODE_REPEAT) return b_.fmin(b_.fsub(u, b_.ffloor(u)), b_.f32(1.0f));
+  if (mode == VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT) {
+    Value h = b_.fmul(u, b_.f32(0.5f));
+    return b_.fmul(b_.fsub(h, b_.ffloor(h)), b_.f32(2.0f));
+  }
+  return u;
+}
+
 Filter::Axis Filter::makeAxis(unsigned n, Value u, Value extent, Value offset) {
   const uint8_t mode = mode_[n];
   const bool anyInteger = offset != 0, normalized = !s_.sampler.key.unnormalized;
   Value x = u, scale = 0;
   if (normalized) {
-    // The periodic part is removed while the coordinate is normalised: fractions are exact and no division is needed.
-    // At most 1 already, but for infinite coordinates.
-    if (mode == VK_SAMPLER_ADDRESS_MODE_REPEAT) x = b_.fmin(b_.fsub(u, b_.ffloor(u)), b_.f32(1.0f));
-    if (mode == VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT) {
-      Value h = b_.fmul(u, b_.f32(0.5f));
-      x = b_.fmul(b_.fsub(h, b_.ffloor(h)), b_.f32(2.0f));
-    }
+    x = withinPeriod(mode, u);
     scale = b_.convert(Op::SToF, Type::F32, extent);
   }
   // x * scale + shift
@@ -168,6 +174,34 @@ std::optional<Op> Filter::wholeFootprint() const {
   }
   if (halves) return Op::FilterHalves;
   return bytes ? std::optional(Op::FilterBytes) : std::nullopt;
+}
+
+bool Filter::takesLevels() const {
+  if (!linear_ || linearMask_ || acrossFaces_ || isTiled(s_.image.key) || !isCompact(s_.image.key) || s_.sampler.key.unnormalized || wholeFootprint() != Op::FilterBytes) return false;
+  for (unsigned i = 0; i < 2; ++i)
+    if (s_.in.offset[i] || s_.offset[i] != 0 || (mode_[i] != VK_SAMPLER_ADDRESS_MODE_REPEAT && mode_[i] != VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE)) return false;
+  return true;
+}
+
+Texel Filter::sampleLevels(const SamplePoint& p, const MipLevel& level, const MipLevel& coarse, Value weight) {
+  std::vector<Value> operands{level.slice.base, level.slice.size};
+  uint32_t clamps = 0;
+  for (unsigned i = 0; i < 2; ++i) {
+    operands.push_back(withinPeriod(mode_[i], p.coordinate[i]));
+    if (mode_[i] == VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE) clamps |= i ? ir::kFilterClampY : ir::kFilterClampX;
+  }
+  const MipLevel* const levels[] = {&level, &coarse};
+  for (const MipLevel* l : std::span(levels, weight ? 2 : 1)) {
+    const SliceAddress slice = p.face ? withinSlice(s_.fields, l->slice, p.face, 0) : l->slice;
+    operands.insert(operands.end(), {l->extent[0], l->extent[1], slice.rowPitch, slice.offset ? slice.offset : b_.i32(0)});
+  }
+  if (weight) operands.push_back(weight);
+  Texel out;
+  for (unsigned c = 0; c < 4; ++c) {
+    const Component& k = s_.format.rgba[c];
+    out[c] = k.bits ? b_.emit(weight ? Op::FilterLevels : Op::FilterLevel, Type::F32, operands, k.shift / 8 | clamps) : b_.f32(c == 3 ? 1.0f : 0.0f);
+  }
+  return out;
 }
 
 Texel Filter::reduceWhole(Op op, const MipLevel& level, Value face, const Axis* axis) {

@@ -30,6 +30,9 @@ class Filter {
 
   //! Before finish().
   Texel sample(const SamplePoint& p, const MipLevel& level);
+  //! Where footprints with their addresses are one operation: the same, of two levels if there is a `weight` of the coarse one.
+  bool takesLevels() const;
+  Texel sampleLevels(const SamplePoint& p, const MipLevel& level, const MipLevel& coarse, ir::Value weight);
   //! Sums, averages and minima of samples become components.
   Texel finish(const Texel& t);
   //! Two partial results, `weight` being the second's share: their average, or their minimum or maximum.
@@ -53,6 +56,8 @@ class Filter {
 
   Axis makeAxis(unsigned n, ir::Value u, ir::Value extent, ir::Value offset);
   ir::Value wrapIndex(uint8_t mode, ir::Value i, ir::Value extent, bool anyInteger);
+  //! A normalised coordinate whose periodic part is removed.
+  ir::Value withinPeriod(uint8_t mode, ir::Value u);
   ir::Value lerp(ir::Value a, ir::Value c, ir::Value w);
   //! Two-dimensional footprints of four halves or four bytes a texel: one operation takes all of it.
   std::optional<ir::Op> wholeFootprint() const;

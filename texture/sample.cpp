@@ -89,6 +89,7 @@ class Sampling {
 
   //! Before finish().
   Texel sample(const SamplePoint& p) {
+    if (weight_ && filter_.takesLevels()) return filter_.sampleLevels(p, fine_, coarse_, weight_);
     Texel t = filter_.sample(p, fine_);
     if (!weight_) return t;
     // The coarser level only where it has a share.
@@ -196,7 +197,7 @@ Texel sampleImage(ImageBuild& s, const char** error) {
   Footprint f;
   if (anisotropic) f = footprint(s, ddx, ddy);
   LevelOfDetail lod;
-  if (needLod) lod = levelOfDetail(s, ddx, ddy, f.minor);
+  if (needLod) lod = levelOfDetail(s, ddx, ddy, f.minor, true);
   Sampling sampling(s, p, oneLevel, mag, min, needLod ? &lod : nullptr);
   return sampling.filter().finish(anisotropic ? sampleAlong(s, sampling, p, f) : sampling.sample(p));
 }

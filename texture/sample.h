@@ -42,8 +42,9 @@ struct LevelOfDetail {
   ir::Value unclamped = 0;
   ir::Value clamped = 0;
 };
-//! `minor`: of an anisotropic footprint; none: from the derivatives' lengths.
-LevelOfDetail levelOfDetail(ImageBuild& s, const ir::Value (&ddx)[3], const ir::Value (&ddy)[3], ir::Value minor = 0);
+//! `minor`: of an anisotropic footprint; none: from the derivatives' lengths. `onlyLevels`: nobody sees more of it than the levels it
+//! stands for, so that below -47 and above 47 any number will do.
+LevelOfDetail levelOfDetail(ImageBuild& s, const ir::Value (&ddx)[3], const ir::Value (&ddy)[3], ir::Value minor = 0, bool onlyLevels = false);
 
 //! The footprint of a pixel as an ellipse (spec, "Scale Factor Operation, Level-of-Detail Operation and Image Level(s) Selection";
 //! its axes are the singular vectors of the derivatives, so that the footprint does not depend on how the screen's axes lie).

@@ -76,7 +76,7 @@ Footprint footprint(ImageBuild& s, const Value (&ddx)[3], const Value (&ddy)[3])
   return out;
 }
 
-LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&ddy)[3], Value minor) {
+LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&ddy)[3], Value minor, bool onlyLevels) {
   Builder& b = s.b;
   SamplerRef ref = s.sampler;
   auto samplerField = [&](size_t offset) { return b.tableLoad(ir::Type::F32, ref.table, ref.constOffset + uint32_t(offset), ref.dynamicOffset); };
@@ -96,7 +96,11 @@ LevelOfDetail levelOfDetail(ImageBuild& s, const Value (&ddx)[3], const Value (&
       return sum;
     };
     // log2 of the longer side of the footprint: half the logarithm of its square.
-    lambda = b.fmul(b.f32(0.5f), b.unary(Op::FLog2, b.fmax(squaredLength(ddx), squaredLength(ddy))));
+    Value x = squaredLength(ddx), y = squaredLength(ddy);
+    // Beyond these all is magnified, or the coarsest level: the logarithm of a normal number has no special cases.
+    constexpr float kLeast = 0x1p-126f, kMost = 0x1p127f;
+    Value square = onlyLevels ? b.fmin(b.fmax(b.fmax(x, b.f32(kLeast)), y), b.f32(kMost)) : b.fmax(x, y);
+    lambda = b.fmul(b.f32(0.5f), b.unary(Op::FLog2, square));
   }
   Value bias = samplerField(offsetof(SamplerDescriptor, lodBias));
   if (s.in.bias) {

@@ -24,6 +24,8 @@ bool isCheap(const Inst& i) {
     case Op::LoadConst:
     case Op::FilterHalves:
     case Op::FilterBytes:
+    case Op::FilterLevel:
+    case Op::FilterLevels:
     case Op::QuadLoad:
       return false;
     default:

@@ -77,7 +77,11 @@ inline constexpr OpInfo kOps[] = {
 static_assert(std::size(kOps) == size_t(Op::kCount));
 constexpr const OpInfo& opInfo(Op op) { return kOps[size_t(op)]; }
 //! A component of a bilinear footprint.
-constexpr bool isFilter(Op op) { return op == Op::FilterHalves || op == Op::FilterBytes; }
+constexpr bool isFilter(Op op) { return op == Op::FilterHalves || op == Op::FilterBytes || op == Op::FilterLevel || op == Op::FilterLevels; }
+//! One that finds its addresses, too. What it is told of levels (from operand kLevelOperand on) may be the same in a quad.
+constexpr bool filtersLevels(Op op) { return op == Op::FilterLevel || op == Op::FilterLevels; }
+constexpr uint32_t kLevelOperand = 4;
+constexpr uint32_t kFilterClampX = 4, kFilterClampY = 8;   //!< in their immediate, beside the byte
 
 using Value = uint32_t;  //!< id of an instruction; 0 = none
 

@@ -39,7 +39,44 @@ bool isHighMath(const Inst& i) {
 
 }  // namespace
 
+namespace {
+
+// One axis of a footprint as texture/filter.cpp has it: the texels' numbers, and the second one's weight.
+struct Axis {
+  Value index[2], weight;
+};
+Axis axisOf(Builder& b, Value place, Value extent, bool clamp) {
+  const Value scale = b.convert(Op::SToF, Type::F32, extent), x = b.fma(place, scale, b.f32(-0.5f));
+  Value floor = b.ffloor(x);
+  const Value weight = b.fsub(x, floor), last = b.isub(extent, b.i32(1));
+  // Clamped before they are integers, numbers convert without more ado.
+  if (clamp) floor = b.fmin(b.fmax(floor, b.f32(-1.0f)), b.fsub(scale, b.f32(1.0f)));
+  const Value first = b.convert(Op::FToS, Type::I32, floor), next = b.iadd(first, b.i32(1));
+  if (clamp) return {{b.smax(first, b.i32(0)), b.smin(next, last)}, weight};
+  // The first may be -1, the second the extent.
+  return {{b.umin(first, last), b.umin(next, b.isub(next, extent))}, weight};
+}
+
+// level: width, height, row pitch, offset.
+Value lowerLevel(Builder& b, std::span<const Value> o, std::span<const Value> level, uint32_t imm) {
+  const Axis x = axisOf(b, o[2], level[0], imm & kFilterClampX), y = axisOf(b, o[3], level[1], imm & kFilterClampY);
+  Value row[2], column[2];
+  for (int k = 0; k < 2; ++k) {
+    row[k] = b.iadd(b.imul(y.index[k], level[2]), level[3]);
+    column[k] = b.shl(x.index[k], b.i32(2));
+  }
+  const Value footprint[] = {o[0], o[1], row[0], row[1], column[0], column[1], x.weight, y.weight};
+  return lowerFilter(b, Op::FilterBytes, footprint, imm & 3);
+}
+
+}  // namespace
+
 Value lowerFilter(Builder& b, Op op, std::span<const Value> o, uint32_t component) {
+  if (filtersLevels(op)) {
+    const Value first = lowerLevel(b, o, o.subspan(kLevelOperand, 4), component);
+    if (op == Op::FilterLevel) return first;
+    return b.fma(o[12], b.fsub(lowerLevel(b, o, o.subspan(kLevelOperand + 4, 4), component), first), first);
+  }
   const Value base = o[0], size = o[1], one = b.f32(1.0f);
   const bool halves = op == Op::FilterHalves;
   const auto texel = [&](Value row, Value column) {

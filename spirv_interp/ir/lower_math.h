@@ -34,7 +34,7 @@ struct Limits {
 };
 Limits limitsOf(const Function& f, Value x, unsigned depth = 4);
 
-//! FilterHalves and FilterBytes in plain operations; the components of one footprint share their loads.
+//! Filters (isFilter) in plain operations; the components of one footprint share their loads. `component`: the immediate.
 Value lowerFilter(Builder& b, Op op, std::span<const Value> operands, uint32_t component);
 
 }  // namespace pumice::ir

@@ -330,6 +330,12 @@ class MathOf {
 
   // x = 2^exponent * (1 + fraction), 1 + fraction in [sqrt(1/2), sqrt(2)), for positive finite x.
   Split split(Value x) {
+    if (const Limits known = limitsOf(b_.function(), x); known.number && known.low >= std::numeric_limits<Float>::min() && known.high < HUGE_VAL) {
+      const Value bits = b_.bitcast(N::kInt, x), mantissa = integer(N::kMantissa);
+      const Value n = b_.ashr(b_.isub(bits, integer(N::kSqrtHalfBits)), mantissa);
+      const Value m = b_.bitcast(N::kFloat, b_.isub(bits, b_.shl(n, mantissa)));
+      return {b_.convert(Op::SToF, N::kFloat, n), b_.fsub(m, c(1))};
+    }
     const Value tiny = b_.flt(x, c(std::numeric_limits<Float>::min()));
     const Value scaled = b_.select(tiny, b_.fmul(x, c(Float(uint64_t(1) << N::kMantissa))), x);
     const Value bits = b_.bitcast(N::kInt, scaled), mantissa = integer(N::kMantissa);
@@ -339,6 +345,7 @@ class MathOf {
     return {b_.convert(Op::SToF, N::kFloat, exponent), b_.fsub(m, c(1))};
   }
   Value logSpecials(Value x, Value result) {
+    if (const Limits known = limitsOf(b_.function(), x); known.number && known.low > 0 && known.high < HUGE_VAL) return result;
     const Value ordinary = b_.maskAnd(b_.flt(c(0), x), b_.flt(x, c(kInf)));
     const Value positive = b_.select(b_.feq(x, c(kInf)), c(kInf), c(kNan));
     return b_.select(ordinary, result, b_.select(b_.feq(x, c(0)), c(-kInf), positive));

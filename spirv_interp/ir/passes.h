@@ -33,7 +33,7 @@ constexpr uint32_t oracleSharedBytes(uint32_t sharedBytes) { return sharedBytes 
 //! The last pass but widenFloats: replaces the high-level float operations (fexp2, fsin, frsqrt, ...) by sequences of plain ones,
 //! one lowering per number type; in oracle mode the f64 one for all types. Rare ranges (huge angles) stand in
 //! an `if` that no lane enters as a rule; for draw-uniform operands everything is pure, so that it can be hoisted.
-//! FilterHalves and FilterBytes go too, but with `keepFilters` where all lanes read one image.
+//! Filters of footprints go too, but with `keepFilters` where all lanes read one image.
 void lowerMath(Function& f, Numerics numerics, bool keepFilters = false);
 
 //! Gives values for the abstract operations of shader IR (ShaderInput, ShaderOutput, Builtin, Descriptor,

@@ -23,6 +23,8 @@ ImmKind immKind(Op op) {
     case Op::TupleGet:
     case Op::FilterHalves:
     case Op::FilterBytes:
+    case Op::FilterLevel:
+    case Op::FilterLevels:
       return ImmKind::Number;
     case Op::Load:
     case Op::LoadConst:

@@ -188,6 +188,14 @@ class Verifier {
           if (type(i, k) != kTypes[k]) return fail("operand of the wrong type");
         return check(i.type == Type::F32, "result must be f32");
       }
+      case Op::FilterLevel:
+      case Op::FilterLevels: {
+        constexpr Type kTypes[] = {Type::I64, Type::I64, Type::F32, Type::F32, Type::I32, Type::I32, Type::I32,
+                                   Type::I32, Type::I32, Type::I32, Type::I32, Type::I32, Type::F32};
+        for (unsigned k = 0; k < i.operandCount; ++k)
+          if (type(i, k) != kTypes[k]) return fail("operand of the wrong type");
+        return check(i.type == Type::F32, "result must be f32");
+      }
       case Op::Store:
         return address(i) && check(isSized(type(i, 3)), "needs a sized value");
       case Op::Atomic:
@@ -257,6 +265,9 @@ class Verifier {
       case Op::FilterHalves:
       case Op::FilterBytes:
         return check(i.imm < 4, "no such component");
+      case Op::FilterLevel:
+      case Op::FilterLevels:
+        return check(i.imm < 16, "no such component or address mode");
       case Op::Atomic:
       case Op::SharedAtomic:
         return check(high < std::size(kAtomicNames), "no such atomic operation");

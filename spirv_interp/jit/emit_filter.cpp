@@ -1,4 +1,4 @@
-// Footprints of four texels (FilterHalves, FilterBytes). The first component of a footprint makes all of them (Plan::footprint), with all
+// Footprints of four texels (FilterHalves, FilterBytes, FilterLevel, FilterLevels). The first component of a footprint makes all of them (Plan::footprint), with all
 // vector registers: what lives in them and is still needed waits in the frame.
 //
 // Halves are filtered texel by texel: two lanes' texels are one vector of floats, so that nothing has to be taken apart before it is
@@ -23,7 +23,8 @@ bool Emitter::filter(Value v) {
   if (p_.footprint[v] != v) return true;   // made with the first
   const Op op = f_.insts[v].op;
   const auto o = f_.operands(v);
-  const bool bytes = op == Op::FilterBytes;
+  const bool bytes = op != Op::FilterHalves, levels = ir::filtersLevels(op);
+  const auto componentOf = [&](Value c) { return uint32_t(f_.insts[c].imm & 3); };
   if (!footprintScratch_) {
     footprintScratch_ = out_->frameBytes;
     out_->frameBytes += kFilterScratchBytes;
@@ -32,11 +33,13 @@ bool Emitter::filter(Value v) {
   FootprintPart parts[kMaxUnroll];
   for (uint32_t part = 0; part < p_.unroll; part++) {
     parts[part].limit = limit;
-    parts[part].neighbours = isShifted(f_, o[2 + kColumn0], bytes ? 2 : 3);
-    for (uint32_t k = 0; k < kFilterOperands; k++) {
+    parts[part].neighbours = !levels && isShifted(f_, o[2 + kColumn0], bytes ? 2 : 3);
+    parts[part].lanes = uint8_t(0x55 * (part * 4 / p_.unroll));
+    for (uint32_t k = 0; k + 2 < o.size(); k++) {
       const Source s = source(o[2 + k], part);
-      parts[part].operand[k] = s.isReg ? frameMem(footprintScratch_, k * kMaxUnroll + part) : s.mem();
-      if (s.isReg) a_.vmovaps(parts[part].operand[k], s.reg());
+      const bool shared = parts[part].shared[k] = p_.shared[o[2 + k]];
+      parts[part].operand[k] = s.isReg ? frameMem(footprintScratch_, k * kMaxUnroll + (shared ? 0 : part)) : s.mem();
+      if (s.isReg && !(shared && part)) a_.vmovaps(parts[part].operand[k], s.reg());
     }
   }
   // Components go where they will be read, or into registers afterwards.
@@ -45,7 +48,7 @@ bool Emitter::filter(Value v) {
     if (!p_.a.needed[c] || p_.a.uniform[c]) continue;
     if (p_.footprint[c] != v) break;
     last = c;
-    const uint32_t component = uint32_t(f_.insts[c].imm);
+    const uint32_t component = componentOf(c);
     for (uint32_t part = 0; part < p_.unroll; part++) {
       const Source s = source(c, part);
       x86::Mem& result = parts[part].result[component];
@@ -62,14 +65,20 @@ bool Emitter::filter(Value v) {
   }
   for (uint32_t r = 0; r < 16; r++)
     if (live >> r & 1) a_.vmovaps(frameMem(kFrameSave, r), x86::ymm(r));
-  if (bytes) filterBytesMasks();
-  for (uint32_t part = 0; part < p_.unroll; part++) bytes ? filterBytesPart(parts[part]) : filterHalvesPart(parts[part]);
+  if (levels) {
+    filterLevelsLimit(limit);
+    for (const bool addresses : {true, false})
+      for (uint32_t part = 0; part < p_.unroll; part++) filterLevelsPart(parts[part], op == Op::FilterLevels, uint32_t(f_.insts[v].imm >> 2), part, addresses);
+  } else {
+    if (bytes) filterBytesMasks();
+    for (uint32_t part = 0; part < p_.unroll; part++) bytes ? filterBytesPart(parts[part]) : filterHalvesPart(parts[part]);
+  }
   for (uint32_t r = 0; r < 16; r++)
     if (live >> r & 1) a_.vmovaps(x86::ymm(r), frameMem(kFrameSave, r));
   for (Value c = v; c <= last; c++) {
     if (!p_.a.needed[c] || p_.a.uniform[c]) continue;
     for (uint32_t part = 0; part < p_.unroll; part++) {
-      const x86::Mem& from = parts[part].result[f_.insts[c].imm];
+      const x86::Mem& from = parts[part].result[componentOf(c)];
       const Source s = source(c, part);
       if (s.isReg) {
         a_.vmovaps(s.reg(), from);

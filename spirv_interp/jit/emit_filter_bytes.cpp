@@ -9,6 +9,33 @@ void Emitter::filterBytesMasks() {
   for (uint32_t c = 0; c < 3; c++) a_.vmovaps(x86::ymm(13 + c), pool32(0xffu << 8 * c));
 }
 
+//! Both rows' pairs of texels, from their offsets in the frame, to ymm0 .. ymm3. rsi: base.
+void Emitter::loadTexelPairs(const x86::Mem& row0, const x86::Mem& row1) {
+  const auto ymm = [](uint32_t n) { return x86::ymm(n); };
+  const auto corner = [&](uint32_t r) { return r ? row1 : row0; };
+  for (uint32_t r = 0; r < 2; r++) {
+    const auto two = [&](const x86::Xmm& x, uint32_t lane) {
+      a_.mov(x86::eax, at(corner(r), int32_t(4 * lane), 4));
+      a_.mov(x86::ecx, at(corner(r), int32_t(4 * lane + 4), 4));
+      a_.vmovq(x, x86::qword_ptr(x86::rsi, x86::rax));
+      a_.vmovhps(x, x, x86::qword_ptr(x86::rsi, x86::rcx));
+    };
+    const Ymm outer = ymm(4), inner = ymm(5), upper = ymm(6);   // lanes 0, 1, 4, 5 and 2, 3, 6, 7
+    for (const auto& [to, lane] : {std::pair{outer, 0u}, std::pair{inner, 2u}}) {
+      two(to.xmm(), lane);
+      two(upper.xmm(), lane + 4);
+      a_.vinserti128(to, to, upper.xmm(), 1);
+    }
+    a_.vshufps(ymm(2 * r), outer, inner, 0x88);
+    a_.vshufps(ymm(2 * r + 1), outer, inner, 0xdd);
+  }
+}
+
+void Emitter::useTexelFetch() {
+  if (!fetchesTexels_) fetchTexels_ = a_.newLabel();
+  fetchesTexels_ = true;
+}
+
 void Emitter::filterBytesPart(const FootprintPart& f) {
   const auto ymm = [](uint32_t n) { return x86::ymm(n); };
   const asmjit::Label general = a_.newLabel(), join = a_.newLabel();
@@ -37,22 +64,7 @@ void Emitter::filterBytesPart(const FootprintPart& f) {
       a_.vpaddd(row[r], row[r], column);
       a_.vmovaps(corner(r), row[r]);
     }
-    for (uint32_t r = 0; r < 2; r++) {
-      const auto two = [&](const x86::Xmm& x, uint32_t lane) {
-        a_.mov(x86::eax, at(corner(r), int32_t(4 * lane), 4));
-        a_.mov(x86::ecx, at(corner(r), int32_t(4 * lane + 4), 4));
-        a_.vmovq(x, x86::qword_ptr(x86::rsi, x86::rax));
-        a_.vmovhps(x, x, x86::qword_ptr(x86::rsi, x86::rcx));
-      };
-      const Ymm outer = ymm(4), inner = ymm(5), upper = ymm(6);   // lanes 0, 1, 4, 5 and 2, 3, 6, 7
-      for (const auto& [to, lane] : {std::pair{outer, 0u}, std::pair{inner, 2u}}) {
-        two(to.xmm(), lane);
-        two(upper.xmm(), lane + 4);
-        a_.vinserti128(to, to, upper.xmm(), 1);
-      }
-      a_.vshufps(ymm(2 * r), outer, inner, 0x88);
-      a_.vshufps(ymm(2 * r + 1), outer, inner, 0xdd);
-    }
+    loadTexelPairs(corner(0), corner(1));
     a_.jmp(join);
   }
   a_.bind(general);
@@ -62,8 +74,7 @@ void Emitter::filterBytesPart(const FootprintPart& f) {
     a_.vmovaps(corner((k & 1) * 2 + (k >> 1)), ymm(4));
   }
   a_.lea(x86::rdi, f.limit);
-  if (!fetchesTexels_) fetchTexels_ = a_.newLabel();
-  fetchesTexels_ = true;
+  useTexelFetch();
   a_.call(fetchTexels_);
   a_.bind(join);
 

@@ -514,7 +514,9 @@ bool Emitter::memory(Value v) {
       return true;
     }
     case Op::FilterHalves:
-    case Op::FilterBytes: return filter(v);
+    case Op::FilterBytes:
+    case Op::FilterLevel:
+    case Op::FilterLevels: return filter(v);
     case Op::Store: {
       if (preamble_ || !isUniform(o[0]) || !isUniform(o[2]) || f_.type(o[1]) != Type::I32) return false;
       const x86::Mem limit = bufferRange(o[0], o[2], constant, ir::typeBytes(f_.type(o[3])), true);

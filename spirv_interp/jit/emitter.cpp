@@ -68,6 +68,8 @@ std::string Emitter::run(Emitted& out, asmjit::Label& bodyLabel, asmjit::Label& 
     a_.add(x86::rsp, 8);
     a_.ret();
   }
+  for (uint32_t mode = 0; mode < fetchAtBorder_.size(); mode++)
+    if (fetchesAtBorder_ >> mode & 1) fetchAtBorder(mode);
   if (fetchesTexels_) {
     a_.align(asmjit::AlignMode::kCode, 16);
     fetchTexels();

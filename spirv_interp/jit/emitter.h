@@ -175,7 +175,12 @@ class Emitter {
   void filterHalvesPart(const FootprintPart& f);
   void filterBytesMasks();        // emit_filter_bytes.cpp
   void filterBytesPart(const FootprintPart& f);
+  void loadTexelPairs(const x86::Mem& row0, const x86::Mem& row1);
+  void useTexelFetch();
   void fetchTexels();
+  void filterLevelsLimit(const x86::Mem& limit);   // emit_filter_levels.cpp
+  void filterLevelsPart(const FootprintPart& f, bool two, uint32_t mode, uint32_t part, bool addresses);
+  void fetchAtBorder(uint32_t mode);
   bool atomic(Value v);           // emit_atomic.cpp
   void updateShared(Value v, InstId change, const x86::Mem& limit);
   x86::Mem bufferRange(Value base, Value size, uint32_t constant, uint32_t bytes, bool store);   //!< rsi: base
@@ -279,6 +284,8 @@ class Emitter {
   std::vector<std::function<void()>> later_;
   asmjit::Label begin_, dispatch_, step_;   //!< of a chunk: its start, where it goes on, the end of its turn
   asmjit::Label exit_, thunk_, fetchTexels_;
+  std::array<asmjit::Label, 4> fetchAtBorder_;
+  uint32_t fetchesAtBorder_ = 0;            // bit by address mode
   bool usesThunk_ = false;
 };
 

@@ -577,7 +577,7 @@ bool crossesParts(const Function& f, Value v) {
     std::array<bool, size_t(Op::kCount)> table{};
     for (size_t op = 0; op < table.size(); op++) table[op] = !(ir::kOps[op].flags & ir::kPure);
     for (const Op op : {Op::Select, Op::VarSet, Op::QuadSwizzle, Op::QuadDdx, Op::QuadDdy, Op::If, Op::Else, Op::Loop, Op::Block}) table[size_t(op)] = false;
-    for (const Op op : {Op::Load, Op::LoadConst, Op::TableLoad, Op::FilterHalves, Op::FilterBytes}) table[size_t(op)] = true;
+    for (const Op op : {Op::Load, Op::LoadConst, Op::TableLoad, Op::FilterHalves, Op::FilterBytes, Op::FilterLevel, Op::FilterLevels}) table[size_t(op)] = true;
     return table;
   }();
   const Inst& i = f.insts[v];

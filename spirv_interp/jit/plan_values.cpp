@@ -186,6 +186,14 @@ void settleBounded(Plan& p) {
         r = sum(product(b(7), {row.low - row.high, row.high - row.low, true}), row);
         break;
       }
+      case Op::FilterLevel:
+      case Op::FilterLevels: {
+        // Averages: weights lie in [0, 1] and no sum passes the greater texel, be it rounded.
+        const bool inside = b(2).finite() && b(3).finite() && (i.op == Op::FilterLevel || (b(12).number && b(12).low >= 0 && b(12).high <= 1));
+        const uint32_t byte = i.imm & 3;
+        if (inside) r = {0, byte == 1 ? 65280.0 : byte == 2 ? 16711680.0 : 255.0, true};
+        break;
+      }
       case Op::FFloor:
       case Op::FCeil:
       case Op::FTrunc:
@@ -323,7 +331,7 @@ void findCrossed(Plan& p) {
 
 void findFootprints(Plan& p) {
   const Function& f = *p.f;
-  if (!p.has(Op::FilterHalves) && !p.has(Op::FilterBytes)) return;
+  if (!p.has(Op::FilterHalves) && !p.has(Op::FilterBytes) && !p.has(Op::FilterLevel) && !p.has(Op::FilterLevels)) return;
   p.footprint.assign(f.insts.size(), 0);
   Value before = 0;
   for (Value v = 1; v < f.insts.size(); v++) {
@@ -331,7 +339,7 @@ void findFootprints(Plan& p) {
     if (!p.a.needed[v] || p.a.uniform[v]) continue;
     if (ir::isFilter(i.op)) {
       const auto o = f.operands(v), other = f.operands(before);
-      const bool more = before && f.insts[before].op == i.op && std::equal(o.begin(), o.end(), other.begin());
+      const bool more = before && f.insts[before].op == i.op && f.insts[before].imm >> 2 == i.imm >> 2 && std::equal(o.begin(), o.end(), other.begin());
       p.footprint[v] = more ? p.footprint[before] : v;
     }
     before = ir::isFilter(i.op) ? v : 0;

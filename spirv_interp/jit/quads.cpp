@@ -45,6 +45,9 @@ bool isCheap(Op op) {
   }
 }
 
+//! Operand k of an operation that itself takes its lanes' quad's.
+bool takesShared(Op op, uint32_t k) { return ir::filtersLevels(op) && k >= ir::kLevelOperand; }
+
 }  // namespace
 
 std::vector<uint8_t> findShared(const Function& f, const std::vector<uint8_t>& uniform) {
@@ -52,8 +55,9 @@ std::vector<uint8_t> findShared(const Function& f, const std::vector<uint8_t>& u
   for (Value v = 1; v < f.insts.size(); v++) shared[v] = mayBeShared(f, v, uniform, shared);
   for (Value v = 1; v < f.insts.size(); v++) {
     if (shared[v] || f.insts[v].op == Op::QuadSwizzle) continue;
-    for (Value o : f.operands(v))
-      if (shared[o]) return std::vector<uint8_t>(f.insts.size(), 0);
+    const auto o = f.operands(v);
+    for (uint32_t k = 0; k < o.size(); k++)
+      if (shared[o[k]] && !takesShared(f.insts[v].op, k)) return std::vector<uint8_t>(f.insts.size(), 0);
   }
   return shared;
 }
@@ -72,7 +76,8 @@ void shareAmongQuads(Function& f) {
   std::vector<uint32_t> stretch(count, 0);
   for (Value v = 1; v < count; v++) {
     stretch[v] = stretch[v - 1] + ((ir::opInfo(f.insts[v].op).flags & ir::kControl) || f.insts[v].op == Op::Barrier);
-    for (Value o : f.operands(v)) (shared[v] ? byQuad : byLane)[o] = 1;
+    const auto o = f.operands(v);
+    for (uint32_t k = 0; k < o.size(); k++) (shared[v] || takesShared(f.insts[v].op, k) ? byQuad : byLane)[o[k]] = 1;
   }
   // What is as cheap by lane stays so, if its operands are spread anyway.
   for (Value v = 1; v < count; v++) {
@@ -103,8 +108,8 @@ void shareAmongQuads(Function& f) {
   for (Value v = 1; v < count; v++) {
     const Inst& i = f.insts[v];
     if (!shared[v])
-      for (Value o : f.operands(v))
-        if (shared[o] && !spread[o]) spreadNow(o);
+      for (uint32_t k = 0; k < i.operandCount; k++)
+        if (const Value o = f.operandPool[i.firstOperand + k]; shared[o] && !spread[o] && !takesShared(i.op, k)) spreadNow(o);
     if (stretch[v] != stretch[v - 1]) {
       for (Value x : waiting)
         if (!spread[x]) spreadNow(x);
@@ -112,7 +117,7 @@ void shareAmongQuads(Function& f) {
     }
     for (uint32_t k = 0; k < i.operandCount; k++) {
       Value& o = f.operandPool[i.firstOperand + k];
-      o = !shared[v] && shared[o] ? spread[o] : renamed[o];
+      o = !shared[v] && shared[o] && !takesShared(i.op, k) ? spread[o] : renamed[o];
     }
     renamed[v] = Value(insts.size());
     insts.push_back(i);

@@ -8,7 +8,8 @@
 
 namespace pumice::jit {
 
-//! Marks values that may be shared, given which are uniform. None if something else than a quad.swizzle would look at one.
+//! Marks values that may be shared, given which are uniform. None if something else would look at one than a
+//! quad.swizzle, or a filter of levels, which takes what it needs.
 std::vector<uint8_t> findShared(const ir::Function& f, const std::vector<uint8_t>& uniform);
 
 //! Puts a quad.swizzle (which changes nothing there) between values worth sharing and those who look at them by lane; afterwards

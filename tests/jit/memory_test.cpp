@@ -321,6 +321,73 @@ TEST(JitMemory, footprintsOfBytes) {
         )", bytes);
 }
 
+// Levels of one to sixteen texels a side that are the same for all, for a quad, or for a lane; places inside, across the border, and no numbers at
+// all; one level or two, of which the second may have no share anywhere.
+TEST(JitMemory, footprintsThatFindTheirAddresses) {
+  const char* const places[] = {"%inside", "%across", "%any"};
+  const char* const sizes[] = {"%eight", "%byquad", "%bylane"};
+  for (size_t bytes : {3u, 7u, 100u, 400u, 4096u})
+    for (const char* place : places)
+      for (const char* size : sizes)
+        for (const char* weight : {"%w", "%nothing"})
+          for (unsigned clamps : {0u, 4u, 8u, 12u}) {
+            const auto byte = [&](unsigned c) { return std::to_string(c + clamps); };
+            const std::string level = std::string("%ubase, %usize, ") + place + ", %across, " + size + ", %height, %pitch, %start";
+            const std::string levels = level + ", %half, %one, %pitch, %later, " + weight;
+            agrees(R"(
+              %one = const i32 1
+              %two = const i32 2
+              %eight = const i32 8
+              %fifteen = const i32 15
+              %sixty = const i32 60
+              %low = const i32 255
+              %nothing = const f32 0x0
+              %scale = const f32 0x3b808081
+              %little = const f32 0x3e4ccccd
+              %most = const f32 0x3f19999a
+              %b0 = and i32 %data, %low
+              %b1 = stof f32 %b0
+              %across = fmul f32 %b1, %scale
+              %inside = fma f32 %across, %most, %little
+              %any = bitcast f32 %data
+              %c0 = and i32 %off, %low
+              %c1 = stof f32 %c0
+              %w = fmul f32 %c1, %scale
+              %q0 = quad.ddx f32 0 %c1
+              %q1 = ftos i32 %q0
+              %q2 = and i32 %q1, %fifteen
+              %byquad = iadd i32 %q2, %one
+              %l0 = and i32 %off, %fifteen
+              %bylane = iadd i32 %l0, %one
+              %half0 = lshr i32 )" + std::string(size) + R"(, %one
+              %half = umax i32 %half0, %one
+              %height = iadd i32 %q2, %two
+              %pitch = const i32 36
+              %start = and i32 %q1, %sixty
+              %later = iadd i32 %start, %sixty
+              %held = var f32
+              %a = filter.levels f32 )" + byte(0) + " " + levels + R"(
+              %b = filter.levels f32 )" + byte(3) + " " + levels + R"(
+              %c = filter.levels f32 )" + byte(1) + " " + levels + R"(
+              %d = filter.level f32 )" + byte(2) + " " + level + R"(
+              %e = filter.level f32 )" + byte(0) + " " + level + R"(
+              var.set %held, %a
+              output 0 %b
+              if %some
+                %f = filter.levels f32 )" + byte(2) + " " + levels + R"(
+                var.set %held, %f
+                output 1 %c
+              endif
+              %got = var.get f32 %held
+              %sum = fadd f32 %got, %d
+              output 2 %sum
+              %other = fadd f32 %e, %w
+              output 3 %other
+            )", bytes);
+            if (HasFailure()) return;
+          }
+}
+
 // What quads share (of three lanes, all that coarse derivatives look at): arithmetic on derivatives, records that it chooses, conditions and variables that lanes look at.
 TEST(JitMemory, valuesOfQuads) {
   for (size_t bytes : {7u, 100u, 4096u})

@@ -223,8 +223,24 @@ class Generator {
   }
   Value widened(Value offset) { return r_.chance(30) && accepts(Op::ZExt, Type::I64, Type::I32) ? b_.convert(Op::ZExt, Type::I64, offset) : offset; }
 
+  //! Some components of a footprint on one or two levels, whose addresses are found by the operation.
+  void filterLevels() {
+    const Buffer a = buffer(r_.chance(70) ? BufferId::Data : BufferId::MoreData);
+    const auto size = [&] { return b_.umax(b_.and_(r_.chance(50) ? b_.i32(8) : pick(Type::I32), b_.i32(15)), b_.i32(1)); };
+    const auto unit = [&] { return b_.fmin(b_.fmax(pick(Type::F32), b_.f32(0)), b_.f32(1)); };
+    std::vector<Value> o{a.base, a.size, unit(), unit(), size(), size(), b_.i32(4 * r_.below(20)), offset(kDataBytes / 2, 4)};
+    const bool two = r_.chance(60);
+    if (two) {
+      for (uint32_t k = 4; k < 6; ++k) o.push_back(b_.umax(b_.lshr(o[k], b_.i32(1)), b_.i32(1)));
+      o.insert(o.end(), {o[6], offset(kDataBytes / 2, 4), r_.chance(20) ? b_.f32(0) : unit()});
+    }
+    const uint32_t clamps = r_.below(4) << 2;
+    for (uint32_t c = 0; c < 4; ++c)
+      if (r_.chance(70)) remember(b_.emit(two ? Op::FilterLevels : Op::FilterLevel, Type::F32, o, c | clamps));
+  }
   //! Some components of one to two footprints: in a picture of quads, or anywhere.
   void filterTexels() {
+    if (r_.chance(30) && accepts(Op::FFloor, Type::F32) && accepts(Op::FToS, Type::I32, Type::F32)) return filterLevels();
     const Buffer a = buffer(r_.chance(70) ? BufferId::Data : BufferId::MoreData);
     for (uint32_t n = 1 + r_.below(2); n--;) {
       const bool picture = r_.chance(60), halves = r_.chance(50);
