@@ -15,7 +15,7 @@ namespace pumice::base {
   X(Threads, "PUMICE_THREADS", "1 to 1024", "what the process may use",                           \
     "number of threads that draw, the one that asks included")                                    \
   X(Isa, "PUMICE_ISA", "scalar, sse4, avx2, avx512", "the best of this processor",                \
-    "instruction set of the interpreter's kernels")                                               \
+    "instruction set of the interpreter's kernels and of the JIT (off below avx2)")                                               \
   X(Numerics, "PUMICE_NUMERICS", "f32, reference", "f32",                                         \
     "reference: shaders and blending compute in double precision")                                \
   X(Decisions, "PUMICE_DECISIONS", "write:FILE, compare:FILE", "nothing",                         \

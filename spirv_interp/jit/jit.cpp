@@ -250,9 +250,9 @@ void writePerfMap(const std::byte* code, size_t size, const std::string& name) {
   }
 }
 
-//! AVX-512 only when it is asked for: it has been proven under an emulator, but no such processor has run or timed it yet.
+//! The best that there is, unless PUMICE_ISA forces the kernels, and so the emitter, to less.
 bool wantsAvx512(Isa isa) {
-  static const bool best = runs(Isa::Avx512) && base::envString(base::EnvVar::Isa) == "avx512";
+  static const bool best = runs(Isa::Avx512) && std::string_view(interp::defaultTarget().name) == "AVX3";
   return isa == Isa::Best ? best : isa == Isa::Avx512;
 }
 
