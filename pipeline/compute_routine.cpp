@@ -82,6 +82,7 @@ static base::Result<std::shared_ptr<ComputeRoutine>> compile(const ComputePipeli
 std::shared_ptr<ComputeRoutine> restoreComputeRoutine(const ComputePipeline& pipeline, const ComputeKey& key, base::ThreadPool* workers) {
   if (!pipeline.saved) return nullptr;
   Surroundings s;
+  s.sets = uint32_t(pipeline.layout->sets.size());
   s.inputs.assign(6, Type::I32);
   s.workGroup = true;
   auto saved = pipeline.saved->find(savedKey(key), s);

@@ -464,6 +464,7 @@ Surroundings surroundings(const GraphicsPipeline& pipeline, const FragmentKey& k
   const GraphicsState& state = pipeline.state;
   const bool perSample = traits(state, pipeline.fragment.get()).perSample, wide = key.numerics == ir::Numerics::Oracle;
   Surroundings s;
+  s.sets = uint32_t(pipeline.layout->sets.size());
   s.inputs = {Type::F32, Type::F32, Type::I32};
   if (perSample) s.inputs.insert(s.inputs.end(), {Type::I32, Type::F32, Type::F32});
   s.outputs = {key.countSamples ? Type::I32 : Type::None, key.statistics ? Type::I32 : Type::None};

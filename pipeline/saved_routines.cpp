@@ -125,6 +125,9 @@ std::string check(const ir::Function& f, const Surroundings& s) {
       case Op::UniformInput:
         if (!ir::typeBytes(i.type) || i.imm + ir::typeBytes(i.type) > s.drawBytes) return wrong(i, "outside of the draw's constants");
         break;
+      case Op::TableLoad:
+        if (i.imm >> 32 >= ir::kTableSet0 + s.sets) return wrong(i, "there is no such set");
+        break;
       case Op::QuadLoad:
         if ((i.imm & ~(ir::kOneRecord | ir::kPlaneInUnit)) + ir::typeBytes(i.type) > s.recordBytes) return wrong(i, "outside of the record");
         if (bool(i.imm & ir::kOneRecord) != s.oneRecord) return wrong(i, "of one record, or of several");

@@ -25,6 +25,7 @@ struct Surroundings {
   std::vector<uint16_t> planes;            //!< element bytes by tile plane; 0: there is none
   uint32_t recordBytes = 0;                //!< of a quad's record
   uint32_t drawBytes = sizeof(DrawConstants);   //!< behind kTableDraw
+  uint32_t sets = 0;                       //!< of the layout: the tables end there
   bool oneRecord = false;                  //!< loads from it say so (ir::kOneRecord)
   std::vector<uint32_t> inUnit;            //!< offsets of planes whose loads may say so (ir::kPlaneInUnit)
   bool workGroup = false;                  //!< work-group memory and barriers

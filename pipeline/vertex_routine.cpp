@@ -176,6 +176,7 @@ static base::Result<std::shared_ptr<VertexRoutine>> compile(const GraphicsPipeli
 std::shared_ptr<VertexRoutine> restoreVertexRoutine(const GraphicsPipeline& pipeline, const VertexKey& key, base::ThreadPool* workers) {
   if (!pipeline.saved) return nullptr;
   Surroundings s;
+  s.sets = uint32_t(pipeline.layout->sets.size());
   s.drawBytes = sizeof(VertexConstants);
   s.inputs = {Type::I32, Type::I32};   // kSlotVertexIndex, kSlotInstanceIndex
   s.outputs.assign(pipeline.link.rowCount, key.numerics == ir::Numerics::Oracle ? Type::F64 : Type::F32);

@@ -143,6 +143,7 @@ TEST(SavedRoutines, WhatIsNotThereMayNotBeNamed) {
   s.outputs = {ir::Type::F32};
   s.planes = {0, 4};
   s.recordBytes = 32;
+  s.sets = 2;
   const auto refused = [&](const char* body) {
     ir::Function f;
     std::string error;
@@ -165,6 +166,8 @@ TEST(SavedRoutines, WhatIsNotThereMayNotBeNamed) {
   EXPECT_TRUE(refused("%1 = quad.load f64 28\n"));
   EXPECT_TRUE(refused(("%1 = quad.load f32 " + std::to_string(ir::kOneRecord) + "\n").c_str()));
   EXPECT_TRUE(refused("%1 = uniform i32 100000\n"));
+  EXPECT_FALSE(refused("%1 = const i32 0\n%2 = table.load i32 set1+16 %1\n"));
+  EXPECT_TRUE(refused("%1 = const i32 0\n%2 = table.load i32 set2+16 %1\n"));
   EXPECT_TRUE(refused("barrier\n"));
   EXPECT_TRUE(refused("%1 = const i32 0\n%2 = shared.load i32 +0 %1\n"));
   EXPECT_TRUE(refused("%1 = local.alloc i32 2000000\n"));
