@@ -186,8 +186,9 @@ void QuadRow::add(uint32_t x, uint32_t y, const uint16_t* masks, const std::byte
   for (uint32_t s = 1; s < samples_; ++s) any |= masks[s], every &= masks[s];
   const uint32_t block = raster::blockNumber(x & kTileMask, y & kTileMask);
   // Order per pixel: within a row nothing runs before anything else, so a quad may be there only once.
-  uint32_t here = 0;
-  for (uint32_t q = 0; q < 4; ++q) here |= uint32_t((any >> (4 * q) & 15) != 0) << q;
+  uint32_t here = any | any >> 1;   // a bit per quad, from one per four pixels
+  here = (here | here >> 2) & 0x1111;
+  here = (here | here >> 3 | here >> 6 | here >> 9) & 15;
   if (!apart && (pending_[block] & here)) flush();
   bool oneColor = false;
   if (const uint32_t colors = draw_->oneColors) {

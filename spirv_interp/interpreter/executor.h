@@ -45,7 +45,7 @@ struct ExecContext {
   uint64_t active[kMaxLanes / 64] = {};             //!< bit per lane: active at the start
   const void* const* inputs = nullptr;              //!< rows by input slot (a mask row: kMaxLanes bits)
   void* const* outputs = nullptr;                   //!< rows by output slot
-  const Table* tables = nullptr;                    //!< kTableCount tables
+  const Table* tables = nullptr;                    //!< as many as the routine names
   const std::byte* const* quadRecords = nullptr;    //!< per quad (all of lanes / 4, active or not): the record QuadLoad reads
   const TilePlane* tilePlanes = nullptr;
   std::byte* shared = nullptr;                      //!< work-group memory
