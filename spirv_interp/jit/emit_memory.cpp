@@ -231,7 +231,7 @@ void Emitter::loadPair(Value v, const x86::Gp& base, const x86::Mem& limit) {
 void Emitter::loadRange(Value v, Value offset, const x86::Gp& base, const x86::Gp& biased, const x86::Mem& limit) {
   const Type t = f_.type(v);
   const uint32_t bytes = ir::typeBytes(t);
-  if (p_.flat[offset]) {
+  if (p_.flat[offset] || isUniform(offset)) {   // then so is v, if need be: it has one part
     a_.vmovd(x86::eax, load(offset, 0, t0()).xmm());
     a_.cmp(x86::rax, at(limit, kRangeLast));
     a_.lea(x86::rax, x86::ptr(base, x86::rax));

@@ -466,5 +466,45 @@ TEST(JitMemory, atomicsInLaneOrder) {
   agrees("%f = utof f32 %data\n%r = atomic f32 fadd %ubase, %zero, %usize, %f\noutput 0 %r\n", 8);
 }
 
+// Of one place for all lanes, in every width.
+TEST(JitMemory, workGroupMemoryAtOnePlace) {
+  if (!jit::available()) GTEST_SKIP();
+  const Function f = parsed(R"(
+    %zero = const i32 0
+    %one = const i32 1
+    %fzero = const f64 0x0
+    %a = shared.load f16 %zero
+    %a1 = ftof f32 %a !keep
+    %a2 = bitcast i32 %a1
+    %a3 = ieq mask %a2, %zero
+    %a4 = select i32 %a3, %zero, %one
+    output 0 %a4
+    %b = shared.load i8 +8 %zero
+    %b1 = sext i32 %b
+    output 1 %b1
+    %c = shared.load i64 +16 %zero
+    %c1 = trunc i32 %c
+    output 2 %c1
+    %d = shared.load f64 +24 %zero
+    %d1 = feq mask %d, %fzero
+    %d2 = select i32 %d1, %zero, %one
+    output 3 %d2
+  )");
+  RowRun start(0, 4);
+  start.lanes = 128;
+  start.shared.resize(64);
+  for (size_t k = 0; k < start.shared.size(); k++) start.shared[k] = std::byte(37 * k + 5);
+  RowRun want = start;
+  want(f);
+  for (uint32_t width : {8u, 16u, 32u}) {
+    std::string listing;
+    auto e = jit::compile(f, {}, {.chunkLanes = width, .upperFirst = width == 16, .listing = &listing});
+    ASSERT_TRUE(e) << e.error().message;
+    RowRun run = start;
+    run.execute(**e);
+    for (unsigned k = 0; k < 4; k++) ASSERT_EQ(std::memcmp(run.outputs[k].bytes, want.outputs[k].bytes, kMaxLanes * 4), 0) << k << ", " << width << listing;
+  }
+}
+
 }  // namespace
 }  // namespace pumice::interp
