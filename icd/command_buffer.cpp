@@ -295,7 +295,7 @@ static void pushDescriptors(CommandBuffer& cb, VkPipelineBindPoint point, VkPipe
   auto push = [&](auto& state, const std::byte*& pushed) {
     // What was pushed before stays, if it is still what is bound there.
     if (pushed && state.setMemory[number] == pushed && state.setSize[number] == set.size)
-      std::memcpy(set.memory, pushed, set.size);
+      std::memcpy(memory, pushed - headerBytes(*set.layout), headerBytes(*set.layout) + set.size);
     else
       initSetMemory(set);
     write(set);
