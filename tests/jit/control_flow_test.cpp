@@ -1,6 +1,6 @@
 // Control flow by hand as machine code: the bits of the interpreter.
-#include "spirv_interp/jit/jit.h"
 #include "tests/interpreter/control_programs.h"
+#include "tests/jit/every_width.h"
 
 namespace pumice::interp {
 namespace {
@@ -13,17 +13,12 @@ TEST_P(JitControlFlow, givesTheInterpretersBits) {
   forControlRows([&](const RowRun& start) {
     RowRun want = start;
     want(f);
-    for (uint32_t width : {8u, 16u, 32u}) {
-      std::string listing;
-      auto e = jit::compile(f, {}, {.chunkLanes = width, .upperFirst = width == 16, .listing = &listing});
-      ASSERT_TRUE(e) << e.error().message;
-      RowRun run = start;
-      run.execute(**e);
+    inEveryWidth(f, start, [] {}, [&](const RowRun& run, uint32_t width, const std::string& listing) {
       for (unsigned k = 0; k < kControlOutputs; k++)
         ASSERT_EQ(std::memcmp(run.outputs[k].bytes, want.outputs[k].bytes, kMaxLanes * 4), 0)
             << "output " << k << ", " << start.lanes << " lanes in chunks of " << width << "\n" << listing;
       ASSERT_TRUE(run.shared == want.shared) << listing;
-    }
+    });
   });
 }
 INSTANTIATE_TEST_SUITE_P(Programs, JitControlFlow, ::testing::ValuesIn(controlPrograms()), nameOfControlProgram);

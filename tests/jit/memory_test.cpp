@@ -2,8 +2,7 @@
 // interpreter's bits, and not a byte read beyond.
 #include <sys/mman.h>
 
-#include "spirv_interp/jit/jit.h"
-#include "tests/interpreter/fixture.h"
+#include "tests/jit/every_width.h"
 
 namespace pumice::interp {
 namespace {
@@ -68,18 +67,13 @@ void agrees(const std::string& text, size_t bytes) {
       RowRun want = start;
       want(f);
       const std::vector<std::byte> written = memory.contents();
-      for (uint32_t width : {8u, 16u, 32u}) {
-        std::string listing;
-        auto e = jit::compile(f, {}, {.chunkLanes = width, .upperFirst = width == 16, .listing = &listing});
-        ASSERT_TRUE(e) << e.error().message;
-        memory.fill();
-        RowRun run = start;
-        run.execute(**e);
+      inEveryWidth(f, start, [&] { memory.fill(); }, [&](const RowRun& run, uint32_t width, const std::string& listing) {
         for (unsigned k = 0; k < 4; k++)
           ASSERT_EQ(std::memcmp(run.outputs[k].bytes, want.outputs[k].bytes, kMaxLanes * 8), 0)
               << "output " << k << ", " << bytes << " bytes, " << lanes << " lanes in chunks of " << width << "\n" << text << listing;
         ASSERT_TRUE(memory.contents() == written) << bytes << " bytes, " << lanes << " lanes in chunks of " << width << "\n" << text << listing;
-      }
+      });
+      if (::testing::Test::HasFatalFailure()) return;
     }
 }
 
@@ -496,14 +490,9 @@ TEST(JitMemory, workGroupMemoryAtOnePlace) {
   for (size_t k = 0; k < start.shared.size(); k++) start.shared[k] = std::byte(37 * k + 5);
   RowRun want = start;
   want(f);
-  for (uint32_t width : {8u, 16u, 32u}) {
-    std::string listing;
-    auto e = jit::compile(f, {}, {.chunkLanes = width, .upperFirst = width == 16, .listing = &listing});
-    ASSERT_TRUE(e) << e.error().message;
-    RowRun run = start;
-    run.execute(**e);
+  inEveryWidth(f, start, [] {}, [&](const RowRun& run, uint32_t width, const std::string& listing) {
     for (unsigned k = 0; k < 4; k++) ASSERT_EQ(std::memcmp(run.outputs[k].bytes, want.outputs[k].bytes, kMaxLanes * 4), 0) << k << ", " << width << listing;
-  }
+  });
 }
 
 }  // namespace
